@@ -8,7 +8,7 @@ from pathlib import Path
 from docutils import nodes
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(Path(__file__).parent), str(ROOT / "scripts" / "studies")]
+sys.path[:0] = map(str, (ROOT, Path(__file__).parent, ROOT / "scripts", ROOT / "scripts" / "studies"))
 # the notebooks' kernels are processes of their own, in folders of their own
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
 for _name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):

@@ -28,7 +28,7 @@ from wt_gym.base.files import require_writable
 from wt_gym.commands.program import FIDELITIES_HELP, OneLineParser, stoppable, user_errors
 
 if TYPE_CHECKING:
-    from fuzzing import CaseResult, Finding
+    from fuzzing.run import CaseResult, Finding
 
 TURBINES = ["nrel_5mw", "iea_15mw", "gebhardt_45m", "nada_small", "nrel_5mw_monopile", "iea_15mw_monopile"]
 
@@ -62,7 +62,8 @@ def line_of(finding: Finding, arguments: argparse.Namespace) -> str:
 
 def run(arguments: argparse.Namespace, total: Counter, endings: Counter) -> None:
     """Run cases and count what they came to."""
-    from fuzzing import draw_case, fuzz, run_case
+    from fuzzing.cases import draw_case
+    from fuzzing.run import fuzz, run_case
 
     with ExitStack() as stack:
         file = None
@@ -95,21 +96,6 @@ def run(arguments: argparse.Namespace, total: Counter, endings: Counter) -> None
                 print(f"{total['steps']} steps, {rate:.0f} a second, to case {result.case.number}", file=sys.stderr)
 
 
-def memory(arguments: argparse.Namespace) -> None:
-    """Measure memory and print how it grows."""
-    from fuzzing import measure_memory
-
-    record = measure_memory(arguments.steps)
-    warm = len(record.steps) // 5
-    print(
-        f"{arguments.steps} steps, {record.resets} resets: {record.resident[warm]:.1f} MiB after "
-        f"{record.steps[warm]} steps, {record.resident[-1]:.1f} MiB at the end, at most {max(record.resident):.1f}; "
-        f"{record.growth:+.2f} KiB per 1000 steps"
-    )
-    if arguments.json:
-        print(json.dumps({"steps": record.steps, "resident_mib": record.resident, "resets": record.resets}))
-
-
 def main(words: list[str] | None = None) -> None:
     """Fuzz, or measure memory."""
     arguments = parse_arguments(words)
@@ -118,7 +104,16 @@ def main(words: list[str] | None = None) -> None:
     where = f" and in {arguments.out}" if arguments.out else ""
     with user_errors(), stoppable(f"what was found stands above{where}; --first goes on with a later case"):
         if arguments.memory:
-            memory(arguments)
+            from fuzzing.memory import measure_memory
+
+            record = measure_memory(arguments.steps)
+            print(
+                f"{arguments.steps} steps, {record.resets} resets: {record.resident[record.warm]:.1f} MiB after "
+                f"{record.steps[record.warm]} steps, {record.resident[-1]:.1f} MiB at the end, at most "
+                f"{max(record.resident):.1f}; {record.growth:+.2f} KiB per 1000 steps"
+            )
+            if arguments.json:
+                print(json.dumps({"steps": record.steps, "resident_mib": record.resident, "resets": record.resets}))
             return
         try:
             run(arguments, total, endings)

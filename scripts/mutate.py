@@ -24,7 +24,12 @@ import signal
 import sys
 import tempfile
 import time
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 ROOT = Path(__file__).resolve().parent.parent
 ARITHMETIC = ("Add_Sub", "Sub_Add", "Mul_Div", "Div_Mul", "Pow_Mul", "FloorDiv_Div", "Mod_Mul")
@@ -43,16 +48,6 @@ OPERATORS = (
 class _WithoutWords(ast.NodeTransformer):
     """Leaves out what no test has to notice: annotations, docstrings, words of errors, guards."""
 
-    def visit_FunctionDef(self, node):
-        node.returns = None
-        return self._without_docstring(node)
-
-    def visit_ClassDef(self, node):
-        return self._without_docstring(node)
-
-    def visit_Module(self, node):
-        return self._without_docstring(node)
-
     def visit_arg(self, node):
         node.annotation = None
         return node
@@ -70,10 +65,12 @@ class _WithoutWords(ast.NodeTransformer):
     def visit_If(self, node):
         return None if ast.unparse(node.test) == "TYPE_CHECKING" else self.generic_visit(node)
 
-    def _without_docstring(self, node):
-        constant = [isinstance(item, ast.Expr) and isinstance(item.value, ast.Constant) for item in node.body]
-        node.body = [item for item, words in zip(node.body, constant, strict=True) if not words]
+    def without_docstring(self, node):
+        node.returns = None
+        node.body = [i for i in node.body if not (isinstance(i, ast.Expr) and isinstance(i.value, ast.Constant))]
         return self.generic_visit(node)
+
+    visit_FunctionDef = visit_ClassDef = visit_Module = without_docstring
 
 
 def meaning(code: str) -> str:
@@ -150,6 +147,21 @@ def noticed(tests: list[str], limit: float) -> bool:
     return True
 
 
+@contextmanager
+def clone(*modules: str) -> Iterator[Path]:
+    """Temporary copy of the repository that this process works in, with modules that forks share."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "wt_gym"
+        skipped = shutil.ignore_patterns(".git", ".venv", "__pycache__", "shared", "docs", "*.ipynb")
+        shutil.copytree(ROOT, copy, symlinks=True, ignore=skipped)
+        os.chdir(copy)
+        sys.dont_write_bytecode = True
+        sys.path[:] = [str(copy), *(entry for entry in sys.path if entry not in ("", str(ROOT), str(ROOT / "scripts")))]
+        for name in ("pytest", "hypothesis.extra.numpy", "scipy.stats", *modules):
+            importlib.import_module(name)
+        yield copy
+
+
 def main() -> int:
     """Run the mutants of one file."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -157,18 +169,7 @@ def main() -> int:
     parser.add_argument("tests", nargs="+", help="arguments of pytest, after --")
     parser.add_argument("--sample", type=int, help="how many mutants, drawn with a fixed seed; by default all")
     chosen = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "wt_gym"
-        skipped = shutil.ignore_patterns(".git", ".venv", "__pycache__", "shared", "docs", "*.ipynb")
-        shutil.copytree(ROOT, copy, symlinks=True, ignore=skipped)
-        os.chdir(copy)
-        sys.dont_write_bytecode = True
-        sys.path[:] = [
-            str(copy),
-            *(entry for entry in sys.path if entry and not entry.startswith(str(ROOT / "scripts"))),
-        ]
-        for name in ("pytest", "hypothesis.extra.numpy", "scipy.stats", "xarray", "wt_gym.envs.turbine_env"):
-            importlib.import_module(name)
+    with clone("xarray", "wt_gym.envs.turbine_env") as copy:
         module = ".".join(Path(chosen.file).with_suffix("").parts).removesuffix(".__init__")
         forget(module)
         path = copy / chosen.file

@@ -15,10 +15,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
-import shutil
 import sys
-import tempfile
 import time
 import types
 from pathlib import Path
@@ -27,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from mutate import ROOT, noticed
+from mutate import ROOT, clone, noticed
 
 UNIT, PHYSICS = "envs_tests/unit", "envs_tests/physics"
 KERNELS, AERO = f"{UNIT}/test_kernels.py", f"{UNIT}/test_aerodynamics_kernels.py"
@@ -199,15 +196,7 @@ def main() -> int:
         print("\n".join(f"{mutant.name}: {mutant.file}, {mutant.tests}" for mutant in mutants))
         return 0
     survivors, begun = 0, time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "wt_gym"
-        skipped = shutil.ignore_patterns(".git", ".venv", "__pycache__", "shared", "docs", "*.ipynb")
-        shutil.copytree(ROOT, copy, symlinks=True, ignore=skipped)
-        os.chdir(copy)
-        sys.dont_write_bytecode = True
-        sys.path[:] = [str(copy), *(entry for entry in sys.path if entry not in ("", str(ROOT), str(ROOT / "scripts")))]
-        for name in ("pytest", "hypothesis.extra.numpy", "scipy.stats", "scipy.signal", "scipy.spatial.transform"):
-            importlib.import_module(name)
+    with clone("scipy.signal", "scipy.spatial.transform") as copy:
         interpret()
         quiet = ("-n", "0", "-W", "ignore", "-m", "slow or not slow")
         for tests in dict.fromkeys(mutant.tests for mutant in mutants):

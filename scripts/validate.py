@@ -33,8 +33,8 @@ from envs_tests.physics.validation import (
 )
 
 
-def parse(arguments=None):
-    """Command line."""
+def make_parser():
+    """Parser of the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0], epilog="Exit status: 0 all checks pass, 1 one fails, 2 wrong usage."
     )
@@ -49,7 +49,7 @@ def parse(arguments=None):
         "--record", type=Path, metavar="FILE", help="keep the numbers of these cases in a JSON file, case by case"
     )
     run.add_argument("--json", action="store_true", help="print one JSON object last")
-    return parser, parser.parse_args(arguments)
+    return parser
 
 
 def choose(parser, names, fast):
@@ -95,7 +95,8 @@ def show(console, case, result):
 
 def main(arguments=None):
     """Run the command line; returns the exit status."""
-    parser, options = parse(arguments)
+    parser = make_parser()
+    options = parser.parse_args(arguments)
     if options.command == "list":
         cases = load_cases().values()
         if options.json:

@@ -44,7 +44,7 @@ def _register(env_id: str, arguments: dict[str, Any], **limits: Any) -> None:
         entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
         vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
         kwargs={**arguments, "env_id": env_id},
-        disable_env_checker=True,  # the tests run it; it takes a vector reward for a mistake
+        disable_env_checker=True,  # `gymnasium.make` decides by the id alone, and it warns of a vector reward
         **limits,
     )
 

@@ -103,6 +103,8 @@ _FULL_OPERATION = {
     "termination_penalty": 600.0,
 }
 
+_MODERATE = {"blade_fatigue": 0.3, "tower_fore_aft_fatigue": 0.2, "tower_side_side_fatigue": 0.05}
+
 TASKS = {
     task.name: task
     for task in (
@@ -138,7 +140,7 @@ TASKS = {
                 "action_components": ("pitch", "torque"),
                 "wind_speed": (5.0, 10.0),
                 "observation": ("measurable", "wind_estimate"),
-                "reward": {"blade_fatigue": 0.3, "tower_fore_aft_fatigue": 0.2, "tower_side_side_fatigue": 0.05},
+                "reward": _MODERATE,
                 "termination_penalty": 150.0,
             },
         ),
@@ -159,12 +161,7 @@ TASKS = {
                 "sensors": "all",
                 "observation": ("measurable", "dead_band"),
                 "starts": 64,
-                "reward": {
-                    "blade_fatigue": 0.3,
-                    "tower_fore_aft_fatigue": 0.2,
-                    "tower_side_side_fatigue": 0.05,
-                    "actuator_use": 0.02,
-                },
+                "reward": {**_MODERATE, "actuator_use": 0.02},
                 "termination_penalty": 800.0,
             },
         ),

@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-__all__ = ["FOLDER", "RECORDS", "TurbineRecord", "read_records"]
-
 FOLDER = Path(__file__).parent / "turbines" / "records"
 """Of the records."""
 

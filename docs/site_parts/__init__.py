@@ -6,10 +6,12 @@ A page says where: ``<!-- generated: channels -->`` on a line of its own becomes
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
-from site_parts import beyond_pi, command_line, constants, crosscheck_record, environment, options, validation_record
+from site_parts import beyond_pi, command_line, constants, environment, options, validation_record
+from wt_gym.analysis.crosscheck import tables
 
 _ROOT = Path(__file__).resolve().parents[2]
 
@@ -19,6 +21,17 @@ def _file(name):
     text = (_ROOT / name).read_text(encoding="utf-8")
     text = re.sub(r"\]\(docs/", "](", text)
     return re.sub(r"\]\((CHANGELOG|CONTRIBUTING)\.md\)", lambda found: f"]({found[1].lower()}.md)", text)
+
+
+def _crosscheck(name="crosscheck"):
+    """Settings of the runs of a record of the crosscheck between simulators, and all its tables."""
+    content = json.loads((_ROOT / "docs" / "data" / f"{name}.json").read_text(encoding="utf-8"))
+    settings = content["settings"][0]
+    head = (
+        f"{content['turbine']}, `{settings['env_id']}`, {settings['duration']:g} s a run, of which the first "
+        f"{settings['skip']:g} s are left out; {len(content['winds'])} winds: {'; '.join(content['winds'])}.\n\n"
+    )
+    return f"{head}{tables(content)}\n"
 
 
 PARTS = {
@@ -38,8 +51,7 @@ PARTS = {
     "fidelities": options.fidelities,
     "lattices": options.lattices,
     "cli": command_line.commands,
-    "crosscheck": crosscheck_record.crosscheck,
-    "crosscheck_linear": crosscheck_record.crosscheck_linear,
+    "crosscheck": _crosscheck,
     "validation": validation_record.summary,
     "checks": validation_record.checks,
 }

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
+import fault_study
 import numpy as np
 from dial_front import covered
+from study_pages import DATA, read_json
 from task_scores import STORM_CONTROLLER, half_width
 
-from wt_gym.experiment.benchmark_tasks import load_task
-
-DATA = Path(__file__).resolve().parents[1] / "data"
 _SUPERVISED = "discon+supervisor:averaging=60"
 _ROSCO_MODES = tuple(f"discon+derate_{mode}" for mode in ("torque", "speed", "pitch"))
 _KEPT = 0.8
@@ -20,7 +16,7 @@ _KEPT = 0.8
 
 def beyond_pi():
     """Table, Markdown: a need a row, with changes and their 95 % intervals over the winds."""
-    scores = json.loads((DATA / "task_scores.json").read_text(encoding="utf-8"))
+    scores = read_json(DATA / "task_scores.json")
     agent = "agents/trained/load_reduction_on_linear_optimal"
     mode = min(_ROSCO_MODES, key=lambda name: np.mean(_values(scores["PowerTracking"], name, "tracking_rms")))
     store = "ipc+derate_kinetic"
@@ -28,51 +24,22 @@ def beyond_pi():
     storm = scores["FullOperation"]
     hard = next(run["agent"] for run in storm["runs"] if run["agent"].startswith(f"{_SUPERVISED},"))
     rows = [
-        (
-            "spare the blades at the same power",
-            "load_reduction",
-            "has one pitch angle for all blades",
-            "`load_reduction_on_linear_optimal`, trained",
-            f"flap DEL {_change(scores['LoadReduction'], 'discon', agent, 'blade_flap_del')}",
-        ),
-        (
-            "meet a gust with less load",
-            "gusts",
-            "reacts to the rotor speed alone",
-            f"`{gust}`",
-            f"largest flap moment {_change(scores['Gusts'], 'discon', gust, 'blade_flap_max')}",
-        ),
-        (
-            "make a demanded power, also in lulls",
-            "power_tracking",
-            f"`{mode}`, the best of ROSCO's modes",
-            f"`{store}`",
-            f"tracking error {_change(scores['PowerTracking'], mode, store, 'tracking_rms')}, "
-            f"flap DEL {_change(scores['PowerTracking'], mode, store, 'blade_flap_del')}",
-        ),
-        (
-            "produce in a storm",
-            "full_operation",
-            "stops at the cut-out wind",
-            f"`{STORM_CONTROLLER}`",
-            f"energy {_change(storm, hard, STORM_CONTROLLER, 'corrected_power')} from standstill to storm, "
-            f"flap DEL {_change(storm, hard, STORM_CONTROLLER, 'blade_flap_del')}",
-        ),
-        (
-            "change what counts in operation",
-            "dial",
-            "has one compromise, fixed by its gains",
-            "`dial_on_linear_optimal`, trained",
-            _dial(),
-        ),
-        (
-            "keep its gain with a broken part",
-            "faults",
-            "trusts its readings and drives",
-            "`linear_optimal+fault_supervisor`",
-            _faults(),
-        ),
-    ]
+        ("spare the blades at the same power", "load_reduction", "has one pitch angle for all blades",
+         "`load_reduction_on_linear_optimal`, trained",
+         f"flap DEL {_change(scores['LoadReduction'], 'discon', agent, 'blade_flap_del')}"),
+        ("meet a gust with less load", "gusts", "reacts to the rotor speed alone", f"`{gust}`",
+         f"largest flap moment {_change(scores['Gusts'], 'discon', gust, 'blade_flap_max')}"),
+        ("make a demanded power, also in lulls", "power_tracking", f"`{mode}`, the best of ROSCO's modes", f"`{store}`",
+         f"tracking error {_change(scores['PowerTracking'], mode, store, 'tracking_rms')}, "
+         f"flap DEL {_change(scores['PowerTracking'], mode, store, 'blade_flap_del')}"),
+        ("produce in a storm", "full_operation", "stops at the cut-out wind", f"`{STORM_CONTROLLER}`",
+         f"energy {_change(storm, hard, STORM_CONTROLLER, 'corrected_power')} from standstill to storm, "
+         f"flap DEL {_change(storm, hard, STORM_CONTROLLER, 'blade_flap_del')}"),
+        ("change what counts in operation", "dial", "has one compromise, fixed by its gains",
+         "`dial_on_linear_optimal`, trained", _dial()),
+        ("keep its gain with a broken part", "faults", "trusts its readings and drives",
+         "`linear_optimal+fault_supervisor`", _faults()),
+    ]  # fmt: skip
     lines = ["| need | the PI controller | what does it | measured |", "|---|---|---|---|"]
     lines += [f"| [{need}]({page}.md) | {why} | {who} | {found} |" for need, page, why, who, found in rows]
     return "\n".join(lines) + "\n"
@@ -101,25 +68,17 @@ def _change(study, base, agent, metric):
 
 def _dial():
     """Hypervolume of the policy with the dial over that of one policy a setting."""
-    forecast = json.loads((DATA / "dial_front.json").read_text(encoding="utf-8"))["forecast"]
+    forecast = read_json(DATA / "dial_front.json")["forecast"]
     share = 100.0 * covered(forecast["dial"], forecast["single"])
     return f"one policy has {share:.0f} % of the hypervolume of five, by the identified model"
 
 
 def _faults():
     """In how many faults the gain is kept."""
-    runs = json.loads((DATA / "fault_study.json").read_text(encoding="utf-8"))["runs"]
-    task = load_task("load-reduction-15")
-    found = {(run["condition"], run["agent"], run["wind"]): run["metrics"] for run in runs}
-
-    def gain(agent, condition):
-        winds = {wind for of, _, wind in found if of == condition}
-        return np.mean([task.improvement(found[condition, agent, w], found[condition, "discon", w]) for w in winds])
-
-    faults = sorted({run["condition"] for run in runs} - {"nominal"})
-
-    def kept(agent):
-        return sum(gain(agent, fault) >= _KEPT * gain(agent, "nominal") for fault in faults)
-
-    first, second = kept("linear_optimal"), kept("linear_optimal+fault_supervisor")
+    gain = fault_study.gains(read_json(fault_study.RECORD))
+    faults = {condition for condition, _ in gain} - {"nominal"}
+    first, second = (
+        sum(gain[fault, agent] >= _KEPT * gain["nominal", agent] for fault in faults)
+        for agent in ("linear_optimal", "linear_optimal+fault_supervisor")
+    )
     return f"at least {_KEPT:.0%} of the gain in {second} of {len(faults)} faults; without the supervisor in {first}"

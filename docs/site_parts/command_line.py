@@ -3,55 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import re
 import textwrap
-from pathlib import Path
+
+import validate
 
 from site_parts.markdown import table
-from wt_gym.commands import COMMANDS
-from wt_gym.commands import parser_of as command_parser
-
-_SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-
-
-class _Found(Exception):
-    """A parser is complete."""
-
-
-def _caught(parser, words=None, namespace=None):
-    raise _Found(parser)
-
-
-def parser_of(read, kind):
-    """Parser that a function builds and then lets read the command line."""
-    original = kind.parse_args
-    kind.parse_args = _caught
-    try:
-        read([])
-    except _Found as found:
-        return found.args[0]
-    finally:
-        kind.parse_args = original
-    raise ValueError(f"{read.__module__}.{read.__name__} reads no command line")
+from wt_gym.commands import COMMANDS, parser_of
 
 
 def commands():
     """Every command with its description and options."""
     sections = []
     for name, text in COMMANDS.items():
-        parser = command_parser(name)
+        parser = parser_of(name)
         sections.append(f"## {name}\n\n{text[0].upper()}{text[1:]}.\n\n{_described(parser)}\n\n{_options(parser)}")
-    sections.append(f"## validate.py (in a clone)\n\n{_validate()}")
+    options = _options(validate.make_parser())
+    sections.append(f"## validate.py (in a clone)\n\n{_blocks(validate.__doc__)}\n\n{options}")
     return "\n".join(sections)
-
-
-def _validate():
-    spec = importlib.util.spec_from_file_location("validate_script", _SCRIPTS / "validate.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    parser = parser_of(module.parse, argparse.ArgumentParser)
-    return f"{_blocks(module.__doc__)}\n\n{_options(parser)}"
 
 
 def _described(parser):

@@ -14,10 +14,10 @@ _LONGEST = 70
 
 
 def constants(module):
-    """Names in ``__all__`` that are neither classes nor functions, with what is said where they are made."""
-    public = import_module(module)
-    rows = []
-    for name in public.__all__:
+    """Public names that are neither classes nor functions, with what is said where they are made."""
+    public, rows = import_module(module), []
+    said = [name for place, name in ModuleAnalyzer.for_module(module).find_attr_docs() if not place and name[0] != "_"]
+    for name in getattr(public, "__all__", said):
         thing = getattr(public, name)
         if not (inspect.isclass(thing) or inspect.isroutine(thing)):
             rows.append((f"`{name}`", _said(name, thing), _shown(thing)))

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym  # noqa: F401 - registers the ids
-from site_parts.markdown import first_sentence, table
+from site_parts.markdown import first_sentence, meaning, table
 from wt_gym.base.options import options_of
 from wt_gym.envs import manual as manual_of_class
 from wt_gym.envs import rewards as terms
@@ -54,12 +54,10 @@ def manual():
 def _options(group, flat):
     """Table of the options of a group, from what its fields say."""
     rows = [
-        (f"`{one.name}`", f"`{one.flat}`", one.kind, one.unit, f"`{one.default_text}`",
-         one.allowed_text or one.range_text,
-         f"{one.meaning}.".replace("``", "`"))
+        (f"`{one.name}`", f"`{one.flat}`", one.kind, f"`{one.default_text}`", *meaning(one))
         for one in options_of(group)
-    ]  # fmt: skip
-    return table(("option", flat, "type", "unit", "default", "allowed", "meaning"), rows, "options")
+    ]
+    return table(("option", flat, "type", "default", "unit", "allowed", "meaning"), rows, "options")
 
 
 def observation(name):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 
-__all__ = ["attributes_of", "first_sentence", "table", "value"]
+__all__ = ["first_sentence", "meaning", "table", "value"]
 
 
 def table(headings, rows, kind=""):
@@ -34,17 +34,7 @@ def first_sentence(thing):
     return re.split(r"(?<=\.)\s", text)[0].replace("``", "`")
 
 
-def attributes_of(docstring, section="Attributes"):
-    """Name, type and text of the entries in a section of a docstring in NumPy's style."""
-    lines = inspect.cleandoc(docstring).splitlines()
-    start = lines.index(section) + 2
-    entries = []
-    for k, line in enumerate(lines[start:], start):
-        if k + 1 < len(lines) and lines[k + 1].startswith("---"):
-            break  # the next section
-        if line and not line.startswith(" "):
-            name, _, kind = line.partition(" : ")
-            entries.append((name, kind, []))
-        elif line.strip():
-            entries[-1][2].append(line.strip())
-    return [(name, kind, " ".join(text).replace("``", "`")) for name, kind, text in entries]
+def meaning(declared):
+    """Unit, allowed values and meaning of a declared option."""
+    allowed = declared.allowed_text or declared.range_text
+    return declared.unit, allowed, f"{declared.meaning}.".replace("``", "`")

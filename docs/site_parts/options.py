@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
-from dataclasses import fields
-
-from site_parts.markdown import attributes_of, table, value
+from site_parts.markdown import meaning, table, value
 from wt_gym.aerodynamics import AeroOptions
+from wt_gym.base.options import options_of
 from wt_gym.control.bladed import RECORDS
 from wt_gym.control.controllers import (
     ADDITIONS,
@@ -96,26 +94,16 @@ def fidelities():
 
 def lattices():
     """Presets of the air."""
-    return _presets(AeroOptions, {name: preset.aero for name, preset in FIDELITIES.items()}, section="Parameters")
+    return _presets(AeroOptions, {name: preset.aero for name, preset in FIDELITIES.items()})
 
 
-def _presets(cls, presets, skip=(), section="Attributes"):
+def _presets(cls, presets, skip=()):
     """Fields with their defaults and the presets' values where they differ, then what each means."""
-    said = {}
-    for names, kind, text in attributes_of(inspect.getdoc(cls), section):
-        for name in names.split(", "):
-            said[name] = (kind, text)
-    chosen = [field for field in fields(cls) if field.name not in skip]
-    default = {field.name: field.default for field in chosen}
-    rows = []
-    for field in chosen:
-        values = [getattr(preset, field.name) for preset in presets.values()]
-        if any(v != default[field.name] for v in values):
-            cells = ["" if v == default[field.name] else value(v) for v in values]
-            rows.append((f"`{field.name}`", value(default[field.name]), *cells))
+    declared, rows = [one for one in options_of(cls) if one.name not in skip], []
+    for one in declared:
+        values = [getattr(preset, one.name) for preset in presets.values()]
+        if any(v != one.default for v in values):
+            rows.append((f"`{one.name}`", value(one.default), *("" if v == one.default else value(v) for v in values)))
     differing = table(("option", "default", *(f"`{name}`" for name in presets)), rows, "options")
-    listed = [
-        (f"`{field.name}`", said[field.name][0].replace(" : ", ""), value(default[field.name]), said[field.name][1])
-        for field in chosen
-    ]
-    return f"{differing}\n{table(('option', 'type', 'default', 'what it is'), listed, 'options')}"
+    listed = [(f"`{one.name}`", one.kind, value(one.default), *meaning(one)) for one in declared]
+    return f"{differing}\n{table(('option', 'type', 'default', 'unit', 'allowed', 'meaning'), listed, 'options')}"

@@ -13,15 +13,9 @@ _NAME = "docs/data/validation.json"
 _WIDTH = 110
 
 
-def _recorded():
-    return read_record(RECORD) if RECORD.exists() else {}
-
-
 def summary():
     """When the record was made, of what, and how the cases did; those that are not in it by name."""
-    found, known = _recorded(), load_cases()
-    if not found:
-        return f"There is no record: `scripts/validate.py run all --record {_NAME}` makes it.\n"
+    found, known = read_record(RECORD), load_cases()
     dates = sorted(case["date"] for case in found.values())
     versions = ", ".join(sorted({case["version"] for case in found.values()}))
     n_checks = sum(len(case["checks"]) for case in found.values())
@@ -33,8 +27,8 @@ def summary():
         "pass.\n\n"
     )
     rows = [
-        (f"[`{name}`](#{_anchor(name)})", case["title"],
-         f"{sum(check['passed'] for check in case['checks'])} / {len(case['checks'])}", _verdict(case["passed"]),
+        (f"[`{name}`](#case-{name})", case["title"],
+         f"{sum(check['passed'] for check in case['checks'])} / {len(case['checks'])}", _VERDICT[case["passed"]],
          case["date"][:10].replace("-", "\u2011") + _commit(case))
         for name, case in found.items()
     ]  # fmt: skip
@@ -48,17 +42,17 @@ def summary():
 
 def checks():
     """Every check of every recorded case."""
-    return "\n".join(_section(name, case) for name, case in _recorded().items())
+    return "\n".join(_section(name, case) for name, case in read_record(RECORD).items())
 
 
 def _section(name, case):
     rows = [
         (check["quantity"], *(f"{_number(check[key])} {check['unit']}" for key in ("expected", "obtained")),
-         _share(check["error"], check), _share(check["tolerance"], check), _verdict(check["passed"]))
+         _share(check["error"], check), _share(check["tolerance"], check), _VERDICT[check["passed"]])
         for check in case["checks"]
     ]  # fmt: skip
     title = case["title"][0].upper() + case["title"][1:]
-    head = f"({_anchor(name)})=\n\n## {title}\n\n`{name}` · {case['source']} · run {case['date']}{_commit(case)}\n\n"
+    head = f"(case-{name})=\n\n## {title}\n\n`{name}` · {case['source']} · run {case['date']}{_commit(case)}\n\n"
     text = head + table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows, "checks")
     return f"{text}\n{_notes(case['notes'])}" if case.get("notes") else text
 
@@ -85,19 +79,12 @@ def _commit(case):
     return f" `{case['commit']}`" if case.get("commit") else ""
 
 
-def _anchor(name):
-    return f"case-{name}"
+_VERDICT = {True: "pass", False: "**FAIL**"}
 
 
-def _verdict(passed):
-    return "pass" if passed else "**FAIL**"
-
-
-def _number(number):
-    return number if isinstance(number, str) else f"{number:.6g}"
+def _number(number, form=".6g"):
+    return number if isinstance(number, str) else f"{number:{form}}"
 
 
 def _share(number, check):
-    if isinstance(number, str):
-        return number
-    return f"{100 * number:.3g} %" if check["relative"] else f"{number:.3g}"
+    return f"{100 * number:.3g} %" if check["relative"] and not isinstance(number, str) else _number(number, ".3g")

@@ -13,12 +13,10 @@ from turbine_contract import PLAIN
 
 from wt_gym.experiment.benchmark import (
     ResultFolder,
-    definition_of,
     entry_of,
     jobs_of,
     make_env,
     play_task,
-    results_of,
     run_jobs,
     wind_score,
 )
@@ -129,24 +127,24 @@ def test_a_series_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
         if len(made) == 2:
             raise KeyboardInterrupt
         made.append(job)
-        return {"definition": definition_of(job), "agent": "discon"} | played("discon")
+        return {"definition": job.definition, "agent": "discon"} | played("discon")
 
     with monkeypatch.context() as patch:
         patch.setattr("wt_gym.experiment.benchmark._BenchmarkRuns.__call__", stop_in_the_third)
         with pytest.raises(KeyboardInterrupt):
             run_jobs(jobs, folder, progress=False)
         assert [result["definition"] for result in folder] == sorted(
-            map(definition_of, jobs[:2]), key=lambda definition: folder.file(definition).name
+            (job.definition for job in jobs[:2]), key=lambda definition: folder.file(definition).name
         )
         made[:] = jobs[:1]  # room for one more
         with pytest.raises(KeyboardInterrupt):
             run_jobs(jobs, folder, progress=False)
     assert made[1] == jobs[2]
     assert run_jobs(jobs[:4], folder, progress=False) == 1
-    assert same_numbers(folder.read(definition_of(jobs[0])), played("discon"))
-    assert folder.read(definition_of(jobs[3]))["metrics"] != played("discon")["metrics"]
+    assert same_numbers(folder.read(jobs[0].definition), played("discon"))
+    assert folder.read(jobs[3].definition)["metrics"] != played("discon")["metrics"]
     with pytest.raises(FileNotFoundError):
-        results_of(task, entries[0], folder)
+        folder.read(jobs[-1].definition)
 
 
 @pytest.fixture(scope="module")
@@ -177,12 +175,12 @@ def test_trained_models_run_as_they_were_trained(model):
 
 def test_another_model_is_another_run(model):
     task = short()
-    before = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
-    assert before == definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
+    before = jobs_of([task], [entry_of(f"x={model}")])[0].definition
+    assert before == jobs_of([task], [entry_of(f"x={model}")])[0].definition
     content = (model / "model.zip").read_bytes()
     env = gym.make("wt_gym/LoadReduction-v2", **PLAIN | {"pitch": "collective", "observation": ["rotor", "pitch"]})
     PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=1).save(model / "model.zip")
-    after = definition_of(jobs_of([task], [entry_of(f"x={model}")])[0])
+    after = jobs_of([task], [entry_of(f"x={model}")])[0].definition
     (model / "model.zip").write_bytes(content)
     assert after["agent"]["sha256"] != before["agent"]["sha256"]
 

@@ -7,6 +7,7 @@ import pytest
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.control.controllers import IndividualPitch, make_controller
 from wt_gym.control.sensors import from_harmonic, to_harmonic
+from wt_gym.envs.layout import layout_of
 from wt_gym.experiment.agents import ControllerAgent
 
 TURBULENT = "wt_gym/NREL5MW-Turbulent-v1"
@@ -29,7 +30,7 @@ def envs():
 @pytest.mark.parametrize(("mode", "name"), [("rate", "ipc+tower_dampers"), ("absolute", "discon")])
 def test_demands_are_those_of_the_controller(envs, mode, name):
     env = envs(action_mode=mode, pitch="individual")
-    raw, agent = env.unwrapped, ControllerAgent.from_env(env, name)
+    raw, agent = env.unwrapped, ControllerAgent(layout_of(env), name)
     controller = make_controller(name, raw.turbine)
     observation, _ = env.reset(seed=1)
     controller.start(raw.signals, raw.demand)
@@ -47,7 +48,7 @@ def test_demands_are_those_of_the_controller(envs, mode, name):
 def test_late_observations_are_the_controllers_late_measurements(envs, mode, pitch):
     """It steps on what was measured three steps ago, with its own memory, in two episodes one after the other."""
     env = envs(action_mode=mode, pitch=pitch, sensor_delay=0.6)
-    raw, agent = env.unwrapped, ControllerAgent.from_env(env, "discon")
+    raw, agent = env.unwrapped, ControllerAgent(layout_of(env), "discon")
     for seed in (1, 2):
         controller = make_controller("discon", raw.turbine)
         observation, _ = env.reset(seed=seed)
@@ -63,7 +64,7 @@ def test_late_observations_are_the_controllers_late_measurements(envs, mode, pit
 
 def test_a_new_episode_starts_afresh_and_a_batch_is_many(envs):
     env = envs(action_mode="rate", pitch="individual")
-    agent = ControllerAgent.from_env(env, "tsr_tracking+ipc")
+    agent = ControllerAgent(layout_of(env), "tsr_tracking+ipc")
     first, _ = env.reset(seed=1)
     one, _ = agent.predict(first)
     observation = first
@@ -86,7 +87,7 @@ class _Tilt:
 
     def start(self, signals, demand):
         self.demand = demand
-        self.addition = IndividualPitch.of_turbine(
+        self.addition = IndividualPitch(
             self.turbine, bandwidth=1.0, limit=0.02, rate_limit=0.06, fade=False, simulator_step=self.simulator_step
         )
         self.addition.start(signals)
@@ -104,7 +105,7 @@ def test_individual_pitch_at_the_control_step_arrives_at_its_azimuth(envs, mode)
     env = envs(action_mode=mode, pitch="individual")
     raw, off = env.unwrapped, {}
     for step in (0.1, None):
-        agent = ControllerAgent.from_env(env, _Tilt(raw.turbine, step))
+        agent = ControllerAgent(layout_of(env), _Tilt(raw.turbine, step))
         observation, _ = env.reset(seed=1)
         for _ in range(20):
             observation, *_ = env.step(agent.predict(observation)[0])
@@ -117,11 +118,11 @@ def test_individual_pitch_at_the_control_step_arrives_at_its_azimuth(envs, mode)
 def test_missing_channels_and_collective_pitch_are_refused(envs):
     blind = gym.make(TURBULENT, wind_speed=15.0, pitch="individual", observation=("rotor", "power", "pitch"))
     with pytest.raises(KeyError, match=r"azimuth_sin and azimuth_cos .*it has rotor_speed"):
-        ControllerAgent.from_env(blind, "ipc")
+        ControllerAgent(layout_of(blind), "ipc")
     with pytest.raises(ValueError, match="individual"):
-        ControllerAgent.from_env(envs(action_mode="rate", pitch="collective"), "ipc")
+        ControllerAgent(layout_of(envs(action_mode="rate", pitch="collective")), "ipc")
     residual = gym.make(TURBULENT, wind_speed=15.0, action_mode="residual", pitch="fixed-frame")
     partly = gym.make(TURBULENT, wind_speed=15.0, action_components=("torque",))
     for env in (residual, partly):
         with pytest.raises(ValueError, match="base controller"):
-            ControllerAgent.from_env(env, "discon")
+            ControllerAgent(layout_of(env), "discon")

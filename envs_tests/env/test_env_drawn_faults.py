@@ -186,7 +186,7 @@ def test_an_end_costs_more_than_running_with_the_worst_controller_in_every_fault
     for kind in FAULT_KINDS:
         env.reset(seed=0, options={"fault": {"kind": kind, "time": 1.0}})
         total = sum(env.step(np.full(3, (-1.0) ** (k // 5)))[1] for k in range(600))
-        assert total > -env.termination_penalty
+        assert total > -env.limits.penalty
 
 
 def test_a_stopped_turbine_goes_on_and_earns_less_than_one_that_runs(monkeypatch):

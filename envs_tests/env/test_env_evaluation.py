@@ -23,6 +23,7 @@ from wt_gym.experiment.evaluation import (
     evaluate,
 )
 from wt_gym.experiment.execute import SerialExecutor
+from wt_gym.experiment.options import ClimateOptions
 from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.learning.options import TrainingConfig
 from wt_gym.turbines import load_turbine
@@ -75,7 +76,9 @@ def test_a_stopped_evaluation_goes_on_where_it_was(tmp_path, count_runs):
     assert Evaluation.load(tmp_path).to_json() == result.to_json()
 
     done.clear()
-    weighed = evaluate(AGENTS, replace(CONFIG, iec_class="III"), folder=tmp_path, progress=False)
+    weighed = evaluate(
+        AGENTS, replace(CONFIG, climate=ClimateOptions(iec_class="III")), folder=tmp_path, progress=False
+    )
     assert done == []  # another climate weighs the same runs
     assert (result.climate.mean_speed, weighed.climate.mean_speed) == (10.0, 7.5)
 
@@ -343,7 +346,7 @@ def drawn_inflow(rng):
 )
 def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch):
     """Asked for two seeds at 15 m/s, whatever the wind of the environment is."""
-    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(module, "run_metrics", lambda *_: {"mean_power": 1.0})
     winds = (Wind(15.0, 1001), Wind(15.0, 1002))
     config = EvaluationConfig(STEADY, kwargs, winds, duration=3.0, skip=1.0, replay=0.0)
     agents = {"a": "constant", "b": "constant"}
@@ -357,7 +360,7 @@ def test_runs_are_labeled_by_the_wind_that_they_had(kwargs, labels, monkeypatch)
 
 
 def test_agents_that_did_not_meet_one_wind_are_not_compared(monkeypatch):
-    monkeypatch.setattr(module, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(module, "run_metrics", lambda *_: {"mean_power": 1.0})
     count = iter(range(100))
     kwargs = {"inflow": lambda rng: SteadyInflow(9.0 + 0.1 * next(count), 90.0)}
     config = EvaluationConfig(STEADY, kwargs, (Wind(9.0),), duration=3.0, skip=1.0, replay=0.0)

@@ -156,9 +156,9 @@ def test_the_real_rosco_starts_is_held_back_in_storm_and_starts_again_under_the_
     assert info["generator_power"] == pytest.approx(5e6, rel=0.02)
     states, _, info, _ = play(env, 42.0)
     assert states == ["production", "soft_cut_out"]
-    p = env.operation.supervisor.parameters
-    speed, power = p.set_points(29.0)
-    assert info["rotor_speed"] == pytest.approx(speed * p.rated_speed, rel=0.1)
+    supervisor = env.operation.supervisor
+    speed, power = supervisor.set_points(29.0)
+    assert info["rotor_speed"] == pytest.approx(speed * supervisor.rated_speed, rel=0.1)
     assert info["generator_power"] == pytest.approx(power * 5e6, rel=0.15)
     states, _, info, _ = play(env, 160.0)
     assert states[1:] == ["shut_down", "parked", "start_up", "production"]

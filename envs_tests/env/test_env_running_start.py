@@ -124,7 +124,7 @@ def test_a_file_holds_the_record_to_sixteen_bits(turbine, brief, tmp_path):
     for instant in range(2):
         a, b = read.at(turbine, instant), written.at(turbine, instant)
         np.testing.assert_allclose(a.motion, b.motion, atol=np.ptp(rows[0], axis=0).max() / 65_535, rtol=1e-9)
-        np.testing.assert_allclose(a.memory.memory.values, b.memory.memory.values, rtol=1e-6)
+        np.testing.assert_allclose(a.memory.values, b.memory.values, rtol=1e-6)
 
 
 def test_a_start_follows_the_difference_of_the_winds(turbine):
@@ -163,7 +163,7 @@ def test_controllers_with_other_parameters_start_from_the_present_demand(turbine
     result, form, rows = brief
     memory = form.memory(form.numbers(result.memories)[0])
     other = make_controller("discon", turbine)
-    other.law.parameters = replace(other.parameters, corner_frequency=2.0)
+    other.parameters = replace(other.parameters, corner_frequency=2.0)
     signals = Signals(np.zeros(69), 3)
     other.start(signals, start_demand(Record(3, 45, np.array([15.0]), rows, form).at(turbine, 0)))
     before = memory_of(other).values

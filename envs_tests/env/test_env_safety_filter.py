@@ -66,7 +66,7 @@ def test_offsets_go_back_as_fast_as_they_move(form):
     for _ in range(6):
         env.step(retreat(env))
         sizes.append(abs(float(env.setpoint.pitch[0])))
-    spans = env.layout.action._spans
+    spans = env.layout.action.spans
     np.testing.assert_allclose(-np.diff(sizes)[:3], spans["pitch_rate"] * 0.2, rtol=1e-5)
     assert sizes[-1] == pytest.approx(0.0, abs=1e-8)
     assert abs(env.setpoint.generator_torque) < 1e-3 * torque

@@ -89,7 +89,7 @@ def test_ending_a_task_early_never_pays(name):
     dials = [(1.0, 1.0, 1.0)] if "dial" not in env.terms else [(3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 3.0)]
     worst = min(_worst(env, dial) for dial in dials)  # the reward is linear in the factors: at a corner
     gamma = hyperparameters_for("PPO", TASKS[name].id)["gamma"]
-    assert -worst * env.control_dt / (1.0 - gamma) < env.termination_penalty
+    assert -worst * env.control_dt / (1.0 - gamma) < env.limits.penalty
 
 
 def test_a_length_beyond_the_limit_of_the_id_is_a_warning(scripted):
@@ -383,11 +383,11 @@ def test_environments_do_not_share_a_controller():
     first, second = (WindTurbineEnv(inflow=SteadyInflow(15.0), controller=own, **RESIDUAL) for _ in range(2))
     first.reset(seed=0)
     first.step(np.zeros(5))
-    before = copy.deepcopy(first.controller.law.state)
+    before = copy.deepcopy(first.controller)
     second.reset(seed=0, options={"pitch": 0.3})
     assert first.controller is not second.controller
-    assert first.controller.law.state.filtered_speed == before.filtered_speed
-    np.testing.assert_array_equal(first.controller.law.state.pitch, before.pitch)
+    assert first.controller.filtered_speed == before.filtered_speed
+    np.testing.assert_array_equal(first.controller.pitch, before.pitch)
 
 
 def test_iterators_serve_the_environment_and_its_twin():

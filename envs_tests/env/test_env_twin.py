@@ -201,7 +201,7 @@ def test_memory_and_disk_are_bounded(tmp_path, monkeypatch):
         course = reward_store.kept_course(f"{k:02d}", names)
         for step in range(10):
             course.append(step, {"power": step, "blades": -k}, False)
-        reward_store.store_course(course)
+        course.save()
     assert len(files(tmp_path)) == 5
     assert [*reward_store._courses] == ["08", "09", "10", "11"]  # the last one was empty when it came
     assert reward_store.kept_course("11", names).terms(3) == {"power": 3.0, "blades": -11.0}

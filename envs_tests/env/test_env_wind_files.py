@@ -179,7 +179,7 @@ def test_runs_of_an_evaluation_begin_where_the_pieces_do(files, monkeypatch):
             return super().reset(**given)
 
     use(monkeypatch, Watched)
-    monkeypatch.setattr(evaluation, "_metrics", lambda *_: {"mean_power": 1.0})
+    monkeypatch.setattr(evaluation, "run_metrics", lambda *_: {"mean_power": 1.0})
     winds = tuple(Wind(15.0, draw=k) for k in (1, 2))
     config = EvaluationConfig(STEADY, {"inflow": str(files / "once.bts")}, winds, duration=20.0, skip=1.0, replay=0.0)
     evaluate({"a": "constant"}, config, progress=False)

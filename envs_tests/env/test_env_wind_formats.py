@@ -12,7 +12,7 @@ from wt_gym.base.errors import InflowError, TurbineDefinitionError
 from wt_gym.commands import evaluate
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands import run as run_command
-from wt_gym.commands.options import environment_of, site_word, wind_word
+from wt_gym.commands.options import environment_of, wind_word
 from wt_gym.commands.train import configuration
 from wt_gym.envs.options import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
@@ -152,8 +152,6 @@ def test_a_site_reaches_the_environment():
 
 
 def test_words_of_the_command_line(files):
-    assert site_word("air_density=1.1") == ("air_density", 1.1)
-    assert site_word("turbulence_class=A+") == ("turbulence_class", "A+")
     assert wind_word(' {"kind": "step"}') == {"kind": "step"}
     more = ["--env-kwargs", '{"site": {"cut_in": 4.0}}', "--site", "cut_out=30", "--wind", "a.csv"]
     kwargs = environment_of(parse_command("evaluate", more))

@@ -42,7 +42,7 @@ def test_individual_pitch_lowers_the_flap_load(loads):
 def test_individual_pitch_arrives_at_its_azimuth(turbine, frequency):
     """Against a moment in tilt the blades pitch in tilt, seen from the fixed frame when they have done so."""
     turbine = replace(turbine, pitch=replace(turbine.pitch, servo_frequency=frequency))
-    addition = IndividualPitch.of_turbine(turbine, bandwidth=1.0, limit=0.03, rate_limit=0.06, fade=False)
+    addition = IndividualPitch(turbine, bandwidth=1.0, limit=0.03, rate_limit=0.06, fade=False)
     simulator = Simulator(turbine, SteadyInflow(14.0, turbine.hub_height))
     signals = simulator.reset(rotor_speed=1.25, pitch=0.15)
     addition.start(signals)

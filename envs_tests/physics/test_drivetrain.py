@@ -9,16 +9,17 @@ from scipy.optimize import curve_fit
 from scipy.spatial.transform import Rotation
 
 from wt_gym.base.errors import ActionError, SimulationError, TurbineDefinitionError, WtGymError
-from wt_gym.control.operating_point import operating_point, rotor_inertia
+from wt_gym.control.design import rotor_inertia
+from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.observer_frame.observer_frame_body import ObserverFrameError
-from wt_gym.multibody.observer_frame.observer_frame_from_system import Translation, observer_frame_from_system
-from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations, hold_velocities
+from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_frame_from_system
+from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree import output_kernels
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.drivetrain.drives import DampingTorque, Drives, LaggedTorque, TorqueCommand
+from wt_gym.simulation.drivetrain.drives import DampingTorque, Drives
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, VoltageDip
 from wt_gym.simulation.fidelity import fidelity
 from wt_gym.simulation.turbine_structure import build_structure
@@ -29,7 +30,6 @@ from wt_gym.turbines.variants import electrical_power, shaft_damper_of, with_ele
 from wt_gym.wind import SteadyInflow
 
 # ---- gearbox --------------------------------------------------------------------------------------------------------
-# The generator turns at the speed of its own shaft: exact moments on the nacelle, in every formulation.
 
 RIGID = {"tower_coordinates": "rigid", "blade_coordinates": "rigid", "stiffest_shaft": 0.1}
 IMPLICIT = {"integrator": "generalized_alpha", "blade_elements": 6}
@@ -43,7 +43,7 @@ FORMULATIONS = {
     "several bodies": {"blade_bodies": 3, **IMPLICIT},
     "observer": {"formulation": "observer"},
 }
-YAW_RATE, TORQUE = np.radians(0.25), 1e4
+YAW_RATE = np.radians(0.25)
 TIP = np.array([[0.0, 0.0, 61.0]])
 
 
@@ -55,7 +55,11 @@ def reversing(turbine, reverses=True):
 # ---- one rotor on one carrier ----------------------------------------------------------------------------------------
 
 
-def gyrostat(ratio, inertia=0.7):
+INERTIA = 0.7
+"""Of the rotor [kg m²]."""
+
+
+def gyrostat(ratio):
     """A free rigid carrier with a disc on a hinge, to which a rotor in the carrier is geared."""
     system = MultibodySystem()
     turn = Rotation.from_euler("xyz", (0.3, -0.4, 0.5)).as_matrix()
@@ -63,12 +67,12 @@ def gyrostat(ratio, inertia=0.7):
     carrier = system.add(carrier, Joint("free", name="float"))
     disc = FlexibleBody.rigid("disc", 1.5, (0.1, -0.2, 0.3), np.diag([0.5, 0.3, 0.4]))
     axis = tuple(np.array([2.0, -1.0, 2.0]) / 3.0)
-    hinge = Joint("revolute", axis, turn, (0.1, 0.2, 0.0), name="turn", rotor_inertia=inertia, rotor_ratio=ratio)
+    hinge = Joint("revolute", axis, turn, (0.1, 0.2, 0.0), name="turn", rotor_inertia=INERTIA, rotor_ratio=ratio)
     system.add(disc, hinge, carrier, "end")
     return system.build(), turn @ axis
 
 
-def momenta(system, y, along, ratio, inertia):
+def momenta(system, y, along, ratio):
     """Momentum (3,), angular momentum about the origin (3,) and kinetic energy, body by body and rotor by itself."""
     work = system.new_work()
     output_kernels.energies(y, system.tree, work)
@@ -82,8 +86,8 @@ def momenta(system, y, along, ratio, inertia):
         h += np.cross(work.r[b] + rot @ c, m * velocity) + rot @ about_center @ w
         energy += 0.5 * m * velocity @ velocity + 0.5 * w @ about_center @ w
     spin = along @ work.omega[0] + ratio * y[system.n_q + 6]
-    h += inertia * spin * (work.rot[0] @ along)
-    return np.concatenate([p, h, [energy + 0.5 * inertia * spin**2]])
+    h += INERTIA * spin * (work.rot[0] @ along)
+    return np.concatenate([p, h, [energy + 0.5 * INERTIA * spin**2]])
 
 
 @pytest.mark.parametrize("ratio", [1.0, 12.0, -12.0, 0.3, -1.0])
@@ -99,22 +103,9 @@ def test_momentum_angular_momentum_and_energy_determine_every_acceleration(ratio
         y[3:7] /= np.linalg.norm(y[3:7])
         y[8:] = rng.standard_normal(7)
         dy, step = system.rates(y), 1e-5
-        ahead, behind = (momenta(system, y + s * dy, along, ratio, 0.7) for s in (step, -step))
+        ahead, behind = (momenta(system, y + s * dy, along, ratio) for s in (step, -step))
         np.testing.assert_allclose((ahead - behind) / (2.0 * step), 0.0, atol=1e-7 * np.abs(ahead).max())
-        assert system.energy(y)[0] == pytest.approx(momenta(system, y, along, ratio, 0.7)[6], rel=1e-12)
-
-
-def test_ratio_of_one_is_a_rotor_on_the_body():
-    """A direct drive: the same matrices bit for bit as with the inertia in the body."""
-    geared, _ = gyrostat(1.0)
-    system = MultibodySystem()
-    for body, joint, parent, marker in zip(geared.bodies, geared.joints, (None, 0), ("origin", "end"), strict=True):
-        tensor = joint.rotor_inertia * np.outer(joint.axis, joint.axis)
-        inertia = replace(body.inertia, j0=body.inertia.j0 + tensor)
-        system.add(replace(body, inertia=inertia), replace(joint, rotor_inertia=0.0), parent, marker)
-    y = system.build().initial_state()
-    y[8:] = np.random.default_rng(5).standard_normal(7)
-    assert np.array_equal(system.rates(y), geared.rates(y))
+        assert system.energy(y)[0] == pytest.approx(momenta(system, y, along, ratio)[6], rel=1e-12)
 
 
 @pytest.mark.parametrize("ratio", [12.0, -12.0])
@@ -256,63 +247,25 @@ def test_gyroscopic_moment_of_a_yawing_nacelle(structures, name, formulation, re
         assert found - unsteady == pytest.approx(expected, rel=1e-9)
 
 
-def test_published_rotor_gives_the_known_moment(structures):
-    """NREL 5-MW: 43.784725e6 kg m² at the low speed (NREL/TP-500-38060, section 7), 97² × 534.116 of the generator.
-
-    The blade here, from the table of sections with its mass factor, has 0.3 % more than this figure.
-    """
-    rotor = 43784725.0 - 97.0**2 * 534.116
-    expected = (rotor + 97.0 * 534.116) * 12.1 * np.pi / 30.0 * YAW_RATE * np.cos(np.radians(5.0))
-    moments = [nacelle_moment(structures("nrel_5mw", "rigid")[1], 12.1 * np.pi / 30.0, rate, 0.0, True)[0][1]
-               for rate in (YAW_RATE, -YAW_RATE)]  # fmt: skip
-    assert 0.5 * (moments[0] - moments[1]) == pytest.approx(expected, rel=4e-3)
-
-
-@pytest.mark.parametrize("formulation", FORMULATIONS)
-@pytest.mark.parametrize(("name", "reverses"), [("nrel_5mw", False), ("nrel_5mw", True), ("iea_15mw", False)])
-def test_roll_moment_after_a_step_of_torque(structures, name, formulation, reverses):
-    """The tower feels N T_g + (N² ∓ N) J_g α about the shaft, whatever the shaft and the blades do."""
-    turbine, structure = structures(name, formulation, reverses)
-    drive, tilt = turbine.drivetrain, turbine.nacelle.tilt
-    n, sign = drive.gear_ratio, -1.0 if reverses else 1.0
-    torque = n * TORQUE
-    along = np.array([np.cos(tilt), 0.0, -np.sin(tilt)])
-    system = structure.system
-    speed = drive.rated_rotor_speed
-    (before, none), (after, rates) = (nacelle_moment(structure, speed, 0.0, t, False) for t in (0.0, torque))
-    change = rates - none
-    # what the nacelle and the bodies behind the gearbox have gained, apart from generator and torque
-    moved = system.tree._replace(dof_inertia=np.zeros(system.n_u), j0=system.tree.j0 - system.rotor_tensors)
-    y, work, wrench = system.initial_state(), system.new_work(), np.zeros((2, len(system.bodies), 6))
-    y[system.n_q + structure.azimuth_u] = speed
-    system.place_free_bodies(y)
-    output_kernels.energies(y, moved, work)
-    for k, acceleration in enumerate((none, rates)):
-        output_kernels.joint_wrenches(y, acceleration, np.zeros_like(work.loads), moved, work, wrench[k])
-    rest = (wrench[1] - wrench[0])[structure.nacelle, 3:] @ along
-    roll = sum_of_roll(structure, work, change) @ along
-    alpha = change[structure.azimuth_u]
-    expected = rest + drive.generator_inertia * (roll + sign * n * alpha)
-    assert (after - before) @ along == pytest.approx(expected, rel=1e-9)
-    if formulation == "rigid":
-        assert (after - before) @ along == pytest.approx(
-            -(torque + (n**2 - sign * n) * drive.generator_inertia * alpha), rel=1e-12
-        )
-
-
-def sum_of_roll(structure, work, change):
-    """Angular acceleration (3,) of the nacelle for accelerations (n_u,), in its axes."""
-    tree, b = structure.system.tree, structure.nacelle
-    n = tree.n_col[b]
-    return work.va[b, :, :n] @ change[tree.cols[b, :n]]
-
-
 def test_roll_moment_of_the_published_turbine(structures):
     """970 kN m at the low-speed shaft reach the tower of the NREL 5-MW as 860.1 kN m."""
     along = np.array([np.cos(np.radians(5.0)), 0.0, -np.sin(np.radians(5.0))])
     structure = structures("nrel_5mw", "rigid")[1]
     moments = [nacelle_moment(structure, 1.0, 0.0, torque, False)[0] @ along for torque in (0.0, 970e3)]
     assert moments[0] - moments[1] == pytest.approx(860.1e3, rel=1e-4)
+
+
+@pytest.mark.parametrize("reverses", [False, True])
+def test_roll_moment_after_a_step_of_torque(structures, reverses):
+    """The tower of a rigid turbine feels N T_g + (N² ∓ N) J_g α about the shaft."""
+    turbine, structure = structures("nrel_5mw", "rigid", reverses)
+    drive, tilt = turbine.drivetrain, turbine.nacelle.tilt
+    n, sign = drive.gear_ratio, -1.0 if reverses else 1.0
+    along, torque = np.array([np.cos(tilt), 0.0, -np.sin(tilt)]), n * 1e4
+    (before, none), (after, rates) = (nacelle_moment(structure, 1.2, 0.0, t, False) for t in (0.0, torque))
+    alpha = (rates - none)[structure.azimuth_u]
+    expected = -(torque + (n**2 - sign * n) * drive.generator_inertia * alpha)
+    assert (after - before) @ along == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("reverses", [False, True])
@@ -328,40 +281,7 @@ def test_roll_moment_of_a_damper(reverses):
     assert rates[0] == pytest.approx(exact[1][0], rel=1e-12)
 
 
-@pytest.mark.parametrize("reverses", [False, True])
-def test_turbine_in_observer_frames_accelerates_like_the_tree(structures, reverses):
-    """All accelerations under a torque, with the nacelle at rest and the rotor at speed."""
-    _, structure = structures("nrel_5mw", "observer", reverses)
-    system = structure.system
-    y, inputs = system.initial_state(), system.new_inputs()
-    y[system.n_q + structure.azimuth_u] = 1.2
-    y[system.n_q + structure.system.index(structure.tower, "elastic_u") + 1] = 5.0
-    inputs.dof_force[:, structure.azimuth_u] = -1e6
-    expected = system.rates(y, inputs)[system.n_q : system.n_q + system.n_u]
-    translation = Translation(system, structure.beams, y, torques={"azimuth": lambda t: (0.0, 0.0, -1e6)})
-    model, state, work = translation.observed.pack()
-    assert hold_velocities(model, state, work) == 0
-    assert accelerations(np.zeros((0, 6)), model, state, work) == 0
-    for i, b in enumerate(translation.tree_bodies):
-        first, n = system.index(b, "elastic_u"), system.bodies[b].n_elastic
-        np.testing.assert_allclose(state.a[i, :n], expected[first : first + n], atol=1e-6 * np.abs(expected).max())
-
-
-# ---- in operation ----------------------------------------------------------------------------------------------------
-
-
-def test_drivetrain_frequency_hardly_depends_on_the_direction():
-    """The shaft feels N² J_g in either sense: the torsion frequency changes by the roll of the nacelle only."""
-    frequencies = []
-    for reverses in (False, True):
-        simulator = Simulator(reversing(load_turbine("nrel_5mw"), reverses), SteadyInflow(8.0))
-        model = simulator.linearize(rotor_speed=0.0, aerodynamics="none", outputs=("rotor_speed",))
-        frequencies.append(max(mode.frequency for mode in model.modes() if "torsion" in mode.name))
-    assert 1e-4 < abs(frequencies[1] / frequencies[0] - 1.0) < 4e-3
-
-
 # ---- generator and converter ----------------------------------------------------------------------------------------
-# Generator and converter: lag, losses, damping of the shaft, dips of the voltage, against closed forms.
 
 TURBINE = load_turbine("nrel_5mw")
 DRIVE = TURBINE.drivetrain
@@ -399,13 +319,6 @@ def test_limits_of_rate_and_torque_hold_with_a_lag_too():
     assert np.diff(found).max() == pytest.approx(0.1 * DRIVE.max_torque_rate)
     assert found[-1] == pytest.approx(DRIVE.max_generator_torque)
     assert torques(lagged, -1e4, 100, 0.1)[-1] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_without_options_the_law_and_the_turbine_are_those_of_before():
-    assert with_electrical(TURBINE) is TURBINE
-    assert type(Drives(TURBINE).generator) is TorqueCommand
-    assert type(Drives(with_electrical(TURBINE, 0.1)).generator) is LaggedTorque
-    assert WindTurbineEnv(inflow=WIND).turbine.drivetrain is not None
 
 
 # ---- losses ----
@@ -469,11 +382,6 @@ def swinging(turbine, dt, duration=4.0, pulse=1.5e3, faults=(), fidelity=STIFF):
     return np.array(found).T
 
 
-def pulsed(turbine, dt):
-    """Twist rate of the shaft after the pulse [rad/s], less that without it."""
-    return (swinging(turbine, dt)[0] - swinging(turbine, dt, pulse=0.0)[0])[round(0.2 / dt) :]
-
-
 def modes(twisting, dt, order):
     """Frequency [Hz] and damping ratio of each vibration in a free response, by a matrix pencil, weak ones left out."""
     n = len(twisting)
@@ -506,18 +414,13 @@ def test_the_frequency_of_the_shaft_is_the_published_one():
 
 @pytest.mark.parametrize(("dt", "ratio"), [(0.02, 0.05), (0.05, 0.1), (0.1, 0.05)])
 def test_the_converter_adds_its_damping_ratio_to_two_rigid_inertias(dt, ratio):
-    free, damped = (decay(pulsed(turbine, dt), dt) for turbine in (BARE, with_electrical(BARE, shaft_damping=ratio)))
+    free, damped = (
+        decay((swinging(turbine, dt)[0] - swinging(turbine, dt, pulse=0.0)[0])[round(0.2 / dt) :], dt)
+        for turbine in (BARE, with_electrical(BARE, shaft_damping=ratio))
+    )
     assert free[0] == pytest.approx(shaft_damper_of(TURBINE, 0.1).frequency, rel=0.01)
     assert damped[1] - free[1] == pytest.approx(ratio, rel=0.1)
     assert damped[0] == pytest.approx(free[0], rel=0.02)
-
-
-def test_torsion_after_a_dip_dies_faster_and_the_speed_is_the_same():
-    dip = [VoltageDip(0.5, 0.2, 0.15, 20.0)]
-    runs = [swinging(turbine, 0.1, 6.0, 0.0, dip) for turbine in (BARE, with_electrical(BARE, shaft_damping=0.1))]
-    late = [np.ptp(twisting[30:50]) for twisting, _ in runs]
-    assert late[1] < 0.2 * late[0]
-    assert runs[1][1][-1] == pytest.approx(runs[0][1][-1], rel=0.01)
 
 
 def test_a_damper_is_at_rest_at_constant_speed_and_within_the_limits_of_the_generator():
@@ -532,12 +435,13 @@ def test_a_damper_is_at_rest_at_constant_speed_and_within_the_limits_of_the_gene
             assert damped.command[0] == damped.torque(RATED)
 
 
-def test_a_generator_that_is_lost_damps_nothing():
+@pytest.mark.parametrize(("faults", "demand"), [([GeneratorLoss(0.0)], 20e3), ([], 0.0)], ids=["lost", "off"])
+def test_a_generator_that_is_lost_or_off_damps_nothing(faults, demand):
     damped = Drives(with_electrical(TURBINE, shaft_damping=0.1))
-    damped.fail([GeneratorLoss(0.0)], lambda: 1.0)
-    damped.start(0.1, 0.0, RATED, 20e3)
+    damped.fail(faults, lambda: 1.0)
+    damped.start(0.1, 0.0, RATED, demand)
     for k in range(5):
-        damped.follow(np.full(3, 0.1), 0.0, 20e3, 0.1, RATED * (1.0 + 0.01 * (-1) ** k))
+        damped.follow(np.full(3, 0.1), 0.0, demand, 0.1, RATED * (1.0 + 0.02 * (-1) ** k))
         assert damped.torque(RATED) == 0.0
 
 
@@ -561,21 +465,6 @@ def test_after_a_dip_the_demand_begins_again_where_it_was_cut(sign):
     np.testing.assert_allclose(asked[1][7:], asked[0][7:], atol=reach)
 
 
-def test_a_generator_that_is_off_damps_nothing():
-    damped = Drives(with_electrical(TURBINE, shaft_damping=0.1))
-    damped.start(0.1, 0.0, RATED, 0.0)
-    for k in range(10):
-        damped.follow(np.full(3, 0.1), 0.0, 0.0, 0.1, RATED * (1.0 + 0.02 * (-1) ** k))
-        assert damped.torque(RATED) == 0.0
-
-
-def test_what_is_not_given_stays_as_the_turbine_has_it():
-    damped = with_electrical(TURBINE, shaft_damping=0.1)
-    both = with_electrical(damped, torque_lag=0.1)
-    assert both.drivetrain.shaft_damper == damped.drivetrain.shaft_damper
-    assert both.drivetrain.torque_lag == 0.1
-
-
 def test_in_the_model_that_trains_the_first_torsion_is_damped_and_the_second_not_excited():
     """Blades that bend make 1.7 and 4 Hz of the 2.2 Hz of two rigid inertias."""
     ratios = []
@@ -587,17 +476,6 @@ def test_in_the_model_that_trains_the_first_torsion_is_damped_and_the_second_not
     for known, least in ((1.67, 0.03), (4.0, 0.0)):
         free, damped = (next(z for f, z in found if abs(f / known - 1.0) < 0.06) for found in ratios)
         assert damped - free > least
-
-
-def test_a_snapshot_holds_what_the_damper_remembers():
-    simulator = Simulator(with_electrical(TURBINE, 0.1, shaft_damping=0.1), inflow=WIND)
-    simulator.reset(rotor_speed=RATED, pitch=0.18, generator_torque=30e3)
-    simulator.advance(0.5, 0.18, 0.0, 40e3)
-    kept, runs = simulator.state(), []
-    for _ in range(2):
-        runs.append([simulator.advance(0.1, 0.18, 0.0, 43e3).values.copy() for _ in range(5)])
-        simulator.restore(kept)
-    np.testing.assert_array_equal(*runs)
 
 
 def test_a_damper_without_a_shaft_that_twists_or_with_a_long_step_is_refused():
@@ -682,23 +560,8 @@ def test_options_reach_simulator_controller_alone_and_info():
     assert "grid_voltage" not in info
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"torque_lag": -0.1}, "torque_lag must be a number from 0 to 2 s, got -0.1"),
-        ({"torque_lag": math.nan}, "torque_lag must be a number from 0 to 2 s, got nan"),
-        ({"shaft_damping": 0.4}, "shaft_damping must be a number from 0 to 0.2"),
-        ({"loss_map": 1.0}, "loss_map must be true or false"),
-        ({"electrical": {"lag": 1.0}}, "electrical has no option 'lag'"),
-    ],
-)
-def test_options_without_meaning_are_refused(given, message):
-    with pytest.raises(ValueError, match=message):
-        WindTurbineEnv(**given)
-
-
 def test_what_has_no_meaning_is_refused():
-    with pytest.raises(TurbineDefinitionError, match=r"LossShares: got .* must be shares whose sum is 1"):
+    with pytest.raises(TurbineDefinitionError, match=r"LossShares must be shares whose sum is 1"):
         LossShares(0.5, 0.5, 0.5)
     with pytest.raises(TurbineDefinitionError, match=r"Drivetrain.torque_lag"):
         with_electrical(TURBINE, torque_lag=3.0)

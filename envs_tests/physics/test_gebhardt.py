@@ -27,13 +27,6 @@ PITCH_15 = np.radians(12.7)
 """At which the rotor turns at the published 7.4 rpm in 15 m/s (gradient height)."""
 
 
-def beam_frequencies(structure, n_elements):
-    """Lowest frequencies [Hz] of a straight clamped beam."""
-    axis = np.column_stack([0.0 * structure.station, 0.0 * structure.station, structure.station])
-    beam = Beam(BeamSections(structure.station, structure.stiffness, structure.inertia, axis), n_elements)
-    return clamped_modes(beam, 4).frequency
-
-
 def test_masses():
     turbine, blade = gebhardt_turbine(), STAND_IN["blade"]
     moments = [turbine.blade.structure.mass_moment(order) for order in (0, 1, 2)]
@@ -50,7 +43,10 @@ def test_masses():
 
 def test_blade_frequencies():
     expected = STAND_IN["blade"]["frequencies_22_nodes_Hz"]
-    found = beam_frequencies(gebhardt_turbine().blade.structure, 21)
+    structure = gebhardt_turbine().blade.structure
+    axis = np.column_stack([0.0 * structure.station, 0.0 * structure.station, structure.station])
+    beam = Beam(BeamSections(structure.station, structure.stiffness, structure.inertia, axis), 21)
+    found = clamped_modes(beam, 4).frequency
     np.testing.assert_allclose(found[:3], [expected[k] for k in ("flap_1", "edge_1", "flap_2")], rtol=0.02)
 
 
@@ -162,7 +158,8 @@ def test_bodies_stand_where_the_tower_is(full):
     np.testing.assert_allclose(bodies.arrays.motion[:, nacelle], moves, atol=1e-12)
     q, _ = structure.elastic(structure.tower, y)
     assert np.abs(q).max() > 0.0
-    assert signals.tower_top_fore_aft == pytest.approx(tower[-1, 0], abs=1e-9)
+    heading = work.rot[n][:2, 0] / np.linalg.norm(work.rot[n][:2, 0])  # the bent tower turns the nacelle
+    assert signals.tower_top_fore_aft == pytest.approx(heading @ tower[-1, :2], abs=1e-9)
 
 
 @pytest.mark.slow
@@ -181,17 +178,6 @@ def test_the_tower_bears_the_force_on_its_body(full):
     q, rate = structure.elastic(structure.tower, y)
     assert load[6 : 6 + len(q)] @ rate == pytest.approx(np.einsum("pi,pi->", force, velocity), rel=1e-9)
     np.testing.assert_allclose(load[:3], force.sum(axis=0), rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_snapshots_of_everything(full):
-    simulator, _ = full
-    kept = simulator.state()
-    first = [simulator.advance(simulator.time_step, pitch=PITCH + 0.01).values for _ in range(3)]
-    simulator.restore(kept)
-    again = [simulator.advance(simulator.time_step, pitch=PITCH + 0.01).values for _ in range(3)]
-    simulator.restore(kept)
-    np.testing.assert_array_equal(first, again)
 
 
 @pytest.mark.slow
@@ -269,18 +255,6 @@ def test_gain_and_projection_reach_the_system():
     assert (system.tree.stabilization, system.tree.projection) == (25.0, 0)
 
 
-@pytest.mark.parametrize(("changes", "text"), [
-    ({"stabilization": -1.0}, "stabilization"),
-    ({"stabilization": float("nan")}, "stabilization"),
-    ({"moving_bodies": True}, "needs a tower_body or a nacelle_body"),
-    ({"blade_basis": "curved"}, "blade_basis"),
-    ({"blade_basis": "deformed", "blade_coordinates": "nodal"}, "needs blade_coordinates 'modal'"),
-])  # fmt: skip
-def test_choices_without_meaning_are_refused(changes, text):
-    with pytest.raises(SimulationError, match=text):
-        replace(FIDELITIES["training"], **changes)
-
-
 def test_a_gain_beyond_the_stability_limit_is_refused():
     fidelity = replace(FIDELITIES["gebhardt"], stabilization=200.0)
     simulator = Simulator("gebhardt_45m", SteadyInflow(12.0), fidelity)
@@ -297,20 +271,9 @@ def test_multipliers_need_constraints():
 
 
 # ---- formulations as environments -----------------------------------------------------------------------------------
-# What the case of all formulations in the environment compares, and how it judges.
 
 KNOWN = {combination.label: combination for combination in module.COMBINATIONS}
 IDS = {"NREL5MW": "nrel_5mw", "IEA15MW": "iea_15mw"}
-
-
-def test_parked_frequencies_are_those_of_the_linear_model():
-    """Both for bodies that the linear model can describe; without damping the frequencies are a little higher."""
-    turbine = load_turbine("nrel_5mw")
-    model = Simulator(turbine, SteadyInflow(8.0)).linearize(
-        rotor_speed=0.0, aerodynamics="none", generator="locked", outputs=("rotor_speed",)
-    )
-    expected = np.sort([mode.frequency for mode in model.modes() if mode.frequency > 0.0])[: module.LOWEST]
-    np.testing.assert_allclose(module.parked_frequencies(turbine, FIDELITIES["training"]), expected, rtol=2e-4)
 
 
 @pytest.mark.parametrize("pair", module.NODAL_AND_MODAL, ids=lambda pair: pair[0])
@@ -319,31 +282,3 @@ def test_nodal_blades_vibrate_as_modal_ones(pair):
     nodal, modal = (module.parked_frequencies(turbine, KNOWN[f"{pair[0]}, {name}"].fidelity) for name in pair[1:])
     np.testing.assert_allclose(nodal, modal, rtol=5e-3)
     assert np.abs(nodal / modal - 1.0).max() > 1e-5  # other elements, other coordinates
-
-
-def test_frequencies_that_no_tree_describes_are_left_out():
-    turbine = load_turbine("nrel_5mw")
-    training = FIDELITIES["training"]
-    for change in ({"formulation": "constrained"}, {"formulation": "observer", "reference_condition": "three_quarter"}):
-        assert module.parked_frequencies(turbine, replace(training, **change)) is None
-
-
-@pytest.mark.parametrize(
-    ("ending", "change", "failed"),
-    [
-        (None, {}, ["power against"]),
-        (None, {"failure": "overspeed"}, ["end early", "power against"]),
-        ("tower_strike", {"failure": "tower_strike"}, ["power against"]),
-        ("tower_strike", {}, ["end otherwise than by tower_strike", "power against"]),
-        (None, {"repeats": False, "power": 100.4}, ["do not repeat"]),
-    ],
-)
-def test_what_passes(ending, change, failed):
-    default = {"failure": None, "repeats": True, "ms": 1.0, "power": 100.0, "flap_DEL": 1.0, "tip": 1.0,
-               "frequencies": None}  # fmt: skip
-    combination = module.Combination("NREL5MW", "some", FIDELITIES["training"], ending=ending)
-    checks, line = module.compare(combination, default | {"power": 101.0} | change, default)
-    found = [check.quantity for check in checks if not check.passed]
-    assert len(found) == len(failed)
-    assert all(text in quantity for text, quantity in zip(failed, found, strict=True))
-    assert line.startswith("NREL5MW, some: 1.00, +")

@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from envs_tests.physics.refusals import refuses
 from wt_gym.analysis.scene import cut_at_sea_level
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.control.design import tower_top
@@ -32,10 +33,6 @@ def uniform_support(**changes):
     )
 
 
-def on_support(turbine, support):
-    return replace(turbine, tower=replace(turbine.tower, support=support))
-
-
 @pytest.mark.parametrize(("move", "turn", "sign"), [(0, 4, 1.0), (1, 3, -1.0)])
 def test_static_deflection_on_springs(move, turn, sign):
     """A force F at the tip bends the beam by F L³/3EI and turns it on its foundation by F L and F."""
@@ -46,12 +43,6 @@ def test_static_deflection_on_springs(move, turn, sign):
     spring = SPRINGS[np.ix_([move, turn], [move, turn])]
     base = np.linalg.solve(spring, [1e6, sign * 1e6 * LENGTH])
     assert tip == pytest.approx(1e6 * LENGTH**3 / (3.0 * EI) + base[0] + sign * base[1] * LENGTH, rel=1e-9)
-
-
-def test_stiff_springs_clamp():
-    clamped = clamped_modes(Beam(SECTIONS, 10), 4, node_dofs=(0, 1, 3, 4)).frequency
-    stiff = clamped_modes(Beam(SECTIONS, 10, 1e4 * SPRINGS), 4, node_dofs=(0, 1, 3, 4)).frequency
-    assert stiff == pytest.approx(clamped, rel=1e-4)
 
 
 def test_water_adds_inertia_and_no_weight():
@@ -135,40 +126,40 @@ def test_shear_under_the_tip_of_a_rigid_pile():
     np.testing.assert_allclose((held - free)[:2], expected[:2], atol=1e-4 * 1e8 * 20.0)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"length": -1.0}, "length of a pile"),
-        ({"EI": 0.0}, "EI of a pile"),
-        ({"torsional": np.inf}, "torsional of a pile is inf"),
-        ({"lateral": lambda d: -d}, "lateral"),
-        ({"lateral": lambda d: 0.0}, "somewhere positive"),
-        ({"lateral": lambda d: np.inf}, "must be finite"),
-    ],
-)
-def test_pile_refuses_nonsense(changes, message):
-    with pytest.raises(ValueError, match=message):
-        pile_head_stiffness(**(dict(length=30.0, lateral=lambda d: 1e7) | PILE | changes))
+def test_piles_and_supports_refuse_nonsense():
+    def pile(**changes):
+        return lambda: pile_head_stiffness(**(dict(length=30.0, lateral=lambda d: 1e7) | PILE | changes))
 
+    def support(**changes):
+        return lambda: uniform_support(**changes)
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"foundation": np.zeros((6, 6))}, "positive definite"),
-        ({"foundation": np.eye(3)}, "shape"),
-        ({"foundation": SPRINGS + np.triu(1e9 * np.ones((6, 6)), 1)}, "symmetric"),
-        ({"water_density": -1.0}, "water_density"),
-        ({"diameter_station": [0.0, 40.0]}, "a grid from 0 to 50 m"),
-    ],
-)
-def test_support_refuses_nonsense(changes, message):
-    with pytest.raises(TurbineDefinitionError, match=message):
-        uniform_support(**changes)
-
-
-def test_support_ends_where_its_tower_begins():
-    with pytest.raises(TurbineDefinitionError, match="one at the base of the tower, 0 m up"):
-        on_support(load_turbine("nrel_5mw"), uniform_support())
+    refuses(
+        ValueError,
+        ("length of a pile", pile(length=-1.0)),
+        ("EI of a pile", pile(EI=0.0)),
+        ("torsional of a pile is inf", pile(torsional=np.inf)),
+        ("lateral", pile(lateral=lambda d: -d)),
+        ("somewhere positive", pile(lateral=lambda d: 0.0)),
+        ("must be finite", pile(lateral=lambda d: np.inf)),
+    )
+    nrel = load_turbine("nrel_5mw")
+    refuses(
+        TurbineDefinitionError,
+        ("positive definite", support(foundation=np.zeros((6, 6)))),
+        ("shape", support(foundation=np.eye(3))),
+        ("symmetric", support(foundation=SPRINGS + np.triu(1e9 * np.ones((6, 6)), 1))),
+        ("water_density", support(water_density=-1.0)),
+        ("a grid from 0 to 50 m", support(diameter_station=[0.0, 40.0])),
+        (
+            "one at the base of the tower, 0 m up",
+            lambda: replace(nrel, tower=replace(nrel.tower, support=uniform_support())),
+        ),
+        ("75 m where the monopile begins", lambda: load_turbine("iea_15mw", water_depth=80.0)),
+        ("water_depth", lambda: load_turbine("iea_15mw", water_depth=-1.0)),
+        ("foundation", lambda: load_turbine("iea_15mw", foundation=SPRINGS)),
+        ("no components.monopile", lambda: load_turbine("nrel_5mw", water_depth=20.0)),
+        ("no windIO file", lambda: load_turbine("gebhardt_45m", water_depth=20.0)),
+    )
 
 
 def test_monopile_of_a_windio_file():
@@ -182,21 +173,6 @@ def test_monopile_of_a_windio_file():
     assert (deeper.base_height, deeper.length) == (-40.0, pytest.approx(55.0))
     assert np.array_equal(deeper.foundation, SPRINGS)
     assert load_turbine("iea_15mw").tower.support is None
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "message"),
-    [
-        ("iea_15mw", {"water_depth": 80.0}, "75 m where the monopile begins"),
-        ("iea_15mw", {"water_depth": -1.0}, "water_depth"),
-        ("iea_15mw", {"foundation": SPRINGS}, "foundation"),
-        ("nrel_5mw", {"water_depth": 20.0}, "no components.monopile"),
-        ("gebhardt_45m", {"water_depth": 20.0}, "no windIO file"),
-    ],
-)
-def test_depths_that_make_no_sense(name, options, message):
-    with pytest.raises(TurbineDefinitionError, match=message):
-        load_turbine(name, **options)
 
 
 def test_oc3_masses_and_stiffnesses():

@@ -39,9 +39,9 @@ EVERY = [("hamming", {}), *IMPLICIT]
 def test_hamming_matches_its_formulas():
     """The compiled step has the roots of the written scheme with f evaluated again at the final state."""
     for h in (0.3, 0.9):
-        integrator = make_integrator("hamming", oscillator(), h)
         expected = spectral_radius(hamming_matrix(1j * h, 3))
-        assert spectral_radius(amplification(integrator, h)) == pytest.approx(expected, abs=1e-9)
+        found = spectral_radius(amplification(make_integrator("hamming", oscillator(), h), h))
+        assert found == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize("n_corrections", [0, 3])
@@ -62,15 +62,6 @@ def test_hamming_without_its_last_rate_reaches_the_same_state(n_corrections):
     np.testing.assert_array_equal(histories[1].f, histories[0].f)
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.3, 0.8, 1.0])
-def test_generalized_alpha_spectral_radius(rho):
-    """Never above one, and rho at the highest frequencies."""
-    integrator = make_integrator("generalized_alpha", oscillator(), 1.0, rho_inf=rho, tolerance=1e-6)
-    radii = [spectral_radius(amplification(integrator, h)) for h in (0.1, 1.0, 3.0, 10.0, 100.0)]
-    assert max(radii) < 1.0 + 1e-9
-    assert spectral_radius(amplification(integrator, 1e4)) == pytest.approx(rho, abs=5e-3)
-
-
 def test_runge_kutta_start_takes_the_inputs_at_their_times():
     """A force that grows like t on an oscillator at rest: x = t − sin t; order four and more only with the middle."""
     errors = []
@@ -81,18 +72,6 @@ def test_runge_kutta_start_takes_the_inputs_at_their_times():
         integrator.advance(n)
         errors.append(abs(integrator.state[0] - (1.0 - np.sin(1.0))))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(5.0, abs=0.15)
-
-
-def test_high_frequencies_die_with_generalized_alpha_only():
-    """ω h = 30: the mode that the step cannot resolve stays with ρ∞ = 1 and is gone after ten steps with ρ∞ = 0."""
-    left = {}
-    for rho in (1.0, 0.0):
-        integrator = make_integrator("generalized_alpha", oscillator(900.0), 1.0, rho_inf=rho)
-        integrator.start(np.array([1.0, 0.0]))
-        integrator.advance(10)
-        left[rho] = np.hypot(integrator.state[0], integrator.state[1] / 30.0)
-    assert left[1.0] == pytest.approx(1.0, rel=1e-6)
-    assert left[0.0] < 1e-6
 
 
 def spinning_top(theta=0.4, spin=40.0):
@@ -120,20 +99,6 @@ def test_rotations_by_increments(name, options):
         errors.append(np.linalg.norm(axis - exact))
     assert errors[1] < 1e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
-
-
-def test_free_fall_of_a_spinning_body():
-    """A free joint: parabola of the mass center, constant spin about a principal axis."""
-    system = MultibodySystem()
-    system.add(FlexibleBody.rigid("box", 2.0, np.zeros(3), np.diag([1.0, 2.0, 3.0])), Joint("free"))
-    system.build()
-    y = system.initial_state()
-    y[7:13] = [1.0, 0.0, 2.0, 0.0, 0.0, 3.0]
-    integrator = make_integrator("newmark", system, 0.01)
-    integrator.start(y)
-    integrator.advance(100)
-    np.testing.assert_allclose(integrator.state[:3], [1.0, 0.0, 2.0 - 0.5 * GRAVITY], atol=1e-9)
-    np.testing.assert_allclose(integrator.state[3:7], [np.cos(1.5), 0.0, 0.0, np.sin(1.5)], atol=1e-9)
 
 
 @pytest.mark.parametrize(("name", "options"), EVERY)
@@ -165,20 +130,6 @@ def test_inputs_run_linearly_through_the_steps(name, options):
     assert integrator.state_rate[1] == pytest.approx(2.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("name", "options"), EVERY)
-def test_history_continues_bit_for_bit(name, options):
-    integrator = make_integrator(name, pendulum(), 0.02, **options)
-    integrator.start(pendulum_state(0.0))
-    integrator.advance(10)
-    saved = [a.copy() for a in integrator.history]
-    integrator.advance(20)
-    first = integrator.state.copy()
-    for array, values in zip(integrator.history, saved, strict=True):
-        array[...] = values
-    integrator.advance(20)
-    assert np.array_equal(first, integrator.state)
-
-
 def test_stored_rate_belongs_to_the_stored_state():
     system = pendulum()
     for name in INTEGRATORS:
@@ -188,29 +139,27 @@ def test_stored_rate_belongs_to_the_stored_state():
         np.testing.assert_allclose(integrator.state_rate, system.rates(integrator.state), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", list(INTEGRATORS))
-@pytest.mark.parametrize("step", [0.0, -0.1, np.nan])
-def test_step_must_be_positive(name, step):
-    with pytest.raises(MultibodyError, match="step must be positive"):
-        make_integrator(name, pendulum(), step)
-
-
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
+        *((name, {"step": step}, "step must be positive") for name in INTEGRATORS for step in (0.0, -0.1, np.nan)),
+        ("hamming", {"step": np.inf}, "step"),
+        ("hamming", {"n_corrections": 0}, "n_corrections"),
+        ("hamming", {"n_corrections": 1.5}, "n_corrections"),
         ("euler", {}, "integrator must be one of hamming, newmark, generalized_alpha"),
         ("newmark", {"rho_inf": 0.5}, "does not take"),
         ("hamming", {"starter": "euler"}, "must be one of adams, runge-kutta"),
         ("newmark", {"gamma": 0.4}, "gamma >= 1/2"),
         ("newmark", {"beta": -0.1}, "beta >= 0"),
+        ("newmark", {"tangent": "exact"}, "must be 'difference' or 'structure', got 'exact'"),
         ("generalized_alpha", {"rho_inf": 1.2}, "0 … 1"),
         ("newmark", {"tolerance": 0.0}, "tolerance must be positive"),
         ("newmark", {"max_iterations": 0}, "max_iterations"),
     ],
 )
 def test_options_without_meaning_are_refused(name, options, message):
-    with pytest.raises(MultibodyError, match=message):
-        make_integrator(name, pendulum(), 0.01, **options)
+    with pytest.raises(ValueError, match=message):
+        make_integrator(name, pendulum(), **({"step": 0.01} | options))
 
 
 def test_newton_that_does_not_converge_says_so():
@@ -256,12 +205,6 @@ def test_falling_pendulum_is_no_unstable_scheme():
     integrator = make_integrator("hamming", pendulum(), 0.02)
     integrator.start(np.array([np.pi - 1e-3, 0.0]))
     integrator.advance(100)
-
-
-@pytest.mark.parametrize("kwargs", [{"step": np.inf}, {"n_corrections": 0}, {"n_corrections": 1.5}])
-def test_hamming_options_out_of_range_are_refused(kwargs):
-    with pytest.raises(MultibodyError, match=r"step|n_corrections"):
-        make_integrator("hamming", pendulum(), **({"step": 0.01} | kwargs))
 
 
 def test_singular_mass_is_named():

@@ -116,12 +116,6 @@ class TestSteady:
         assert abs(amplitude) == pytest.approx(weight, rel=0.08)
         assert amplitude > 0.0
 
-    def test_it_starts_near_where_it_stays(self, rows):
-        flap = np.array([[row["root_flap_moment_1"]] for row in rows])[:, 0]
-        settled = flap[100:]
-        assert settled.min() - 0.15 * settled.mean() < flap[:20].min()
-        assert flap[:20].max() < settled.max() + 0.15 * settled.mean()
-
 
 def test_a_tower_that_starts_aside_sways_at_its_frequency(turbine):
     """Side-side, which the air hardly damps."""
@@ -138,12 +132,6 @@ def test_a_tower_that_starts_aside_sways_at_its_frequency(turbine):
 
 
 class TestSigns:
-    def test_pitch_feathers(self, turbine):
-        fine, feathered = (run(simulator(turbine), 4.0, pitch=pitch)[-1] for pitch in (0.0, math.radians(4.0)))
-        assert feathered["aero_thrust"] < 0.85 * fine["aero_thrust"]
-        assert feathered["aero_torque"] < 0.9 * fine["aero_torque"]
-        assert feathered["pitch_1"] == pytest.approx(math.radians(4.0), abs=1e-6)
-
     def test_blades_pitch_one_by_one(self, turbine):
         """The load of the blade that feathers falls, those of the others stay."""
         plain = run(simulator(turbine), 3.0)[-1]["root_flap_moment"]
@@ -166,20 +154,6 @@ class TestSigns:
         turned = np.array([row["yaw"] for row in rows])
         assert turned[-1] - turned[49] == pytest.approx(math.radians(0.3) * 5.0, rel=0.05)
         assert rows[-1]["yaw_error"] == pytest.approx(-turned[-1])
-
-    def test_a_turned_world_is_the_same(self, turbine):
-        angle = 0.4
-        plain = run(simulator(turbine, SteadyInflow(8.0, 90.0)), 3.0)[-1]
-        wind = SteadyInflow(8.0, 90.0, yaw_misalignment=angle)
-        turned = run(simulator(turbine, wind), 3.0, yaw=angle)[-1]
-        names = (
-            "rotor_speed", "aero_thrust", "root_flap_moment_1", "tower_top_fore_aft", "tower_base_fore_aft_moment",
-            "tip_clearance_1", "generator_power",
-        )  # fmt: skip
-        for name in names:  # the tower's mode shapes fore-aft and side-side are nearly the same
-            assert turned[name] == pytest.approx(plain[name], rel=0.02), name
-        assert turned["yaw_error"] == pytest.approx(plain["yaw_error"], abs=1e-3)
-        assert turned["tower_top_y"] == pytest.approx(math.sin(angle) * plain["tower_top_x"], rel=0.3)
 
     def test_the_mirror_image(self, turbine):
         wind = SteadyInflow(8.0, 90.0, yaw_misalignment=0.2)

@@ -6,33 +6,28 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from envs_tests.physics.cases.airfoils import theodorsen
-from envs_tests.physics.cases.dynamic_inflow import DynamicRotor, Response, loewy, oye_filter, oye_times
 from envs_tests.physics.cases.operation import GENERATOR_EFFICIENCY, steady_point
 from envs_tests.physics.cases.rotor import WIND, RigidRotor, UniformWind, tilted_element, wake_options
 from envs_tests.physics.cases.rotor_steps import (
-    ROTOR_SPEED,
     STEPS,
-    five_megawatt_elements,
     gust_response,
     gust_theory,
     measured_harmonics,
     pitch_steps,
     strip_theory,
 )
-from envs_tests.physics.cases.rotor_steps import WIND as STEP
 from envs_tests.physics.cases.stall import MEASURED, stalled_rotor
+from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import read_table
-from wt_gym.aerodynamics import TRAINING, AeroOptions, VortexLattice, build_planform, span_distribution
+from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.state import sparse_span
 from wt_gym.aerodynamics.wake.wake_kernels import wake_sheets
 from wt_gym.base.constants import GRAVITY
 from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 # ---- a rotor on the lattice -----------------------------------------------------------------------------------------
-# A three-bladed rotor: power bookkeeping, momentum limits, far-wake closure, corners that must not give power.
 
 RADIUS, DENSITY = 60.0, 1.225
 ANGLES = -np.pi + 2 * np.pi * np.arange(720) / 720
@@ -80,30 +75,6 @@ def simulate(options, speed, ratio=None, rotor_speed=None, pitch=0.0, turns=2.0)
 def coefficients(power, thrust, speed):
     area = 0.5 * DENSITY * np.pi * RADIUS**2
     return power.mean() / (area * speed**3), thrust.mean() / (area * speed**2)
-
-
-def test_optimum_rotor_is_near_but_below_the_betz_limit():
-    power, thrust, state = simulate(TRAINING, 8.0, ratio=7.5, turns=4)
-    cp, ct = coefficients(power, thrust, 8.0)
-    assert 0.45 < cp < 16 / 27
-    # Momentum theory with this thrust leaves 4 a (1 - a)^2; friction, swirl and tips take their part.
-    induction = 0.5 * (1 - np.sqrt(1 - ct))
-    assert 0.80 < cp / (4 * induction * (1 - induction) ** 2) < 1.0
-    assert power.std() < 0.03 * power.mean()
-    assert state.residual < 1e-3
-
-
-def test_short_wake_with_closure_agrees_with_a_long_one():
-    options = AeroOptions(
-        n_chord=1, n_span=8, azimuth_step_deg=15.0, wake_rows=48, fresh_rows=48, far_wake_rows=32, squire=2e-3
-    )
-    short = coefficients(*simulate(options, 8.0, ratio=7.0, turns=4)[:2], 8.0)
-    open_end = coefficients(*simulate(replace(options, far_wake=False), 8.0, ratio=7.0, turns=4)[:2], 8.0)
-    long_options = replace(options, wake_rows=48 + 96, full_rows=48, coarse_stride=2, refresh_stride=6, far_wake=False)
-    long = coefficients(*simulate(long_options, 8.0, ratio=7.0, turns=8)[:2], 8.0)
-    assert short[0] == pytest.approx(long[0], rel=0.025)
-    assert short[1] == pytest.approx(long[1], rel=0.015)
-    assert abs(open_end[0] / long[0] - 1) > 0.05
 
 
 @pytest.mark.parametrize("ratio", [6.5, 9.5])
@@ -244,7 +215,6 @@ def test_reset_without_wake_and_induced_velocity_far_away():
 
 
 # ---- parts of the validation cases ----------------------------------------------------------------------------------
-# Fast parts of the rotor validation: blade-element theory, rigid rotors on the lattice, one point of the curve.
 
 RPM = np.pi / 30.0
 
@@ -301,43 +271,6 @@ def test_operating_point_above_rated(turbine):
     assert point.pitch == pytest.approx(pitch, abs=0.8)
 
 
-def test_two_exponentials_are_found_again():
-    time = np.arange(-10.0, 60.0, 0.05)
-    decay = 30.0 * np.exp(-time / 1.5) + 20.0 * np.exp(-time / 8.0)
-    signal = np.where(time > 0.0, 120.0 + decay, 80.0)
-    zero = np.zeros_like(time)
-    run = Response(time, zero, zero, zero, signal, zero, zero)
-    found, fit = run.overshoot("thrust"), run.fit("thrust")
-    assert found.ratio == pytest.approx((120.0 + 50.0 - 80.0) / 40.0, rel=0.02)
-    assert found.mean_time == pytest.approx((30.0 * 1.5 + 20.0 * 8.0) / 50.0, rel=0.03)
-    assert (fit.fast_time, fit.slow_time) == pytest.approx((1.5, 8.0), rel=0.02)
-    assert (fit.fast, fit.slow) == pytest.approx((30.0, 20.0), rel=0.05)
-
-
-def test_time_constants_of_dynamic_inflow():
-    """Published table of Øye's model: Tjæreborg and the 5-MW at 8 m/s."""
-    slow, fast = oye_times(0.30, 30.56, 8.7, [0.3, 0.7, 0.95])
-    assert slow == pytest.approx(6.3, abs=0.05)
-    np.testing.assert_allclose(fast, [2.3, 1.7, 1.0], atol=0.06)
-    slow, fast = oye_times(0.33, 63.0, 8.0, [0.3, 0.7, 0.95])
-    assert slow == pytest.approx(15.2, abs=0.05)
-    np.testing.assert_allclose(fast, [5.6, 4.0, 2.4], atol=0.06)
-    assert abs(oye_filter(1e-6, slow, fast) - 1.0).max() < 1e-4
-
-
-def test_layers_far_away_leave_theodorsens_function():
-    np.testing.assert_allclose(loewy(0.3, 1e3, 1.0), theodorsen(0.3), rtol=1e-9)
-
-
-def test_a_step_of_the_pitch_in_blade_element_theory(turbine):
-    """Overshoot at once, then the equilibrium of momentum theory."""
-    rotor = DynamicRotor(BladeElementRotor.of_turbine(turbine), 12)
-    run = rotor.respond(lambda t: 10.0 + 0.0 * t, lambda t: np.where(t > 0.0, 0.02, 0.0), 1.1, 90.0, 0.2)
-    expected = rotor.loads(10.0, 1.1, 0.02, rotor.equilibrium(10.0, 1.1, 0.02))
-    assert run.thrust[-1] == pytest.approx(expected[0], rel=1e-3)
-    assert run.overshoot("thrust").ratio > 1.5
-
-
 def test_lag_of_the_thrust_in_oscillating_wind():
     """The coarsest wake against blade elements with Loewy's and Øye's lags at 12 m/s."""
     frequencies = np.array([0.12, 0.32, 0.8])
@@ -345,16 +278,6 @@ def test_lag_of_the_thrust_in_oscillating_wind():
     expected = np.array([r.full for r in gust_theory(12.0, frequencies)])
     np.testing.assert_allclose(np.abs(found / expected), 1.0, atol=0.1)
     np.testing.assert_allclose(np.degrees(np.angle(found / expected)), 0.0, atol=6.0)
-
-
-def test_a_step_of_the_wind_at_constant_speed_hardly_overshoots():
-    """Near the optimum momentum theory has the same induced velocity at 8 and 9 m/s: nothing is left to lag."""
-    rotor = five_megawatt_elements()
-    before, after = (rotor.equilibrium(wind, ROTOR_SPEED, 0.0) for wind in (STEP.before, STEP.after))
-    area = rotor.radius / rotor.radius.sum()
-    assert after[0] @ area == pytest.approx(before[0] @ area, rel=0.02)
-    run = rotor.respond(STEP, lambda time: 0.0 * time, ROTOR_SPEED, 60.0)
-    assert run.overshoot("thrust").ratio == pytest.approx(1.0, abs=0.01)
 
 
 def test_the_tower_before_which_the_blades_pass():

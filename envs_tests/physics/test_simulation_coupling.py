@@ -13,7 +13,7 @@ from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.experiment.run import run_baseline
 from wt_gym.multibody.tree.tree_kernels import OK
-from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, SimulatorState
+from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator
 from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.models import blade_planform, turbine_bodies
 from wt_gym.simulation.step.coupled_step_kernels import OVERSPEED, check_range
@@ -81,40 +81,6 @@ def test_powers_are_torque_times_speed(running):
     assert signals.generator_power == pytest.approx(expected, rel=1e-12)
 
 
-def test_snapshot_continues_bit_for_bit(running, tmp_path):
-    command = {"pitch": (0.03, 0.0, 0.1), "yaw_rate": 0.001, "generator_torque": 40e3}
-    running.state().save(tmp_path / "state.npz")
-    start = running.state()
-    first = running.advance(1.0, **command).values
-    end = running.state()
-    running.restore(SimulatorState.load(tmp_path / "state.npz"))
-    assert running.state() == start
-    again = running.advance(1.0, **command).values
-    assert np.array_equal(first, again)
-    assert running.state() == end
-
-
-def test_two_simulators_agree_bit_for_bit(running):
-    inflow = SteadyInflow(9.0)
-    values = []
-    for _ in range(2):
-        sim = Simulator("nrel_5mw", inflow=inflow)
-        sim.reset(rotor_speed=1.0)
-        values.append(sim.advance(0.6, pitch=0.0, generator_torque=20e3).values)
-    assert np.array_equal(*values)
-
-
-def test_snapshot_continues_in_another_simulator_of_the_same_kind(running):
-    state = running.state()
-    other = Simulator("nrel_5mw", inflow=running.inflow)
-    other.reset(rotor_speed=0.8)
-    other.advance(0.4, pitch=0.0, generator_torque=1e4)
-    other.restore(state)
-    command = {"pitch": 0.05, "generator_torque": 39e3}
-    first = other.advance(0.6, **command).values
-    assert np.array_equal(running.advance(0.6, **command).values, first)
-
-
 def test_snapshot_of_another_turbine_or_fidelity_is_refused(running):
     state = running.state()
     for change in (
@@ -145,15 +111,11 @@ def test_bad_commands_are_refused_and_nothing_moves(running, command, message):
     assert running.state() == before
 
 
-def test_duration_must_fit_the_time_step(running):
+def test_steps_in_part_or_before_the_start_are_refused(running):
     with pytest.raises(ActionError, match="whole number"):
         running.advance(0.25, pitch=0.0)
-
-
-def test_unstarted_simulator_says_so():
-    sim = Simulator("nrel_5mw", inflow=SteadyInflow(9.0))
     with pytest.raises(SimulationError, match="reset"):
-        sim.advance(0.2, pitch=0.0)
+        Simulator("nrel_5mw", inflow=SteadyInflow(9.0)).advance(0.2, pitch=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -229,21 +191,6 @@ def test_signs_in_operation():
     assert s.aero_thrust < 0.8 * before
 
 
-def test_drives_keep_their_limits():
-    sim = Simulator("nrel_5mw", inflow=SteadyInflow(11.0))
-    sim.reset(rotor_speed=11.5 * RPM, generator_torque=30e3)
-    rates, torques = [], []
-    for k in range(20):
-        s = sim.advance(0.1, pitch=1.0 if k < 10 else 0.0, yaw_rate=1.0, generator_torque=1e9)
-        rates.append(np.abs(s.pitch_rate).max())
-        torques.append(s.generator_torque)
-    assert max(rates) <= np.radians(8.0) * (1 + 1e-9)
-    assert max(rates) > np.radians(7.5)
-    assert np.diff(torques).max() <= 15e3 * 0.1 + 1e-6
-    assert torques[-1] == 47402.91
-    assert 0.0 < s.yaw_rate <= np.radians(0.3) * (1 + 1e-9)
-
-
 def ramp(servo_frequency, steps=6):
     """Signals through a demand out of reach and then at rest, with a pitch drive of this frequency [rad/s]."""
     turbine = load_turbine("nrel_5mw")
@@ -264,17 +211,6 @@ def test_an_ideal_pitch_drive_is_half_a_step_behind_and_stops_on_its_command():
     for s in signals[6:]:
         np.testing.assert_allclose(s.pitch, s.pitch_command, atol=1e-5)
         np.testing.assert_allclose(s.pitch_rate, 0.0, atol=1e-4)
-
-
-def test_a_pitch_servo_lags_by_twice_its_time_constant():
-    frequency = 4.0 * np.pi
-    signals, sim = ramp(frequency, steps=12)
-    rate = sim.turbine.pitch.max_rate
-    t = np.array([s.time for s in signals[:12]])
-    # critically damped, behind a ramp that begins at t = 0
-    lag = rate * (2.0 / frequency - (2.0 / frequency + t) * np.exp(-frequency * t))
-    found = np.array([s.pitch_command[0] - s.pitch[0] for s in signals[:12]])
-    np.testing.assert_allclose(found, lag, atol=0.01 * lag[-1])
 
 
 def servo_response(command, frequency, damping, dt):
@@ -443,27 +379,15 @@ def test_start_without_a_sound_structure_is_a_simulation_error(formulation):
     assert np.isfinite(sim.reset(rotor_speed=1.2).values).all()
 
 
-STEADY = [  # wind, rotor speed [rpm], power [W], thrust [N], tip deflection [m], pitch [deg], each with its tolerance
-    (8.0, (9.25, 0.35), (1.83e6, 0.183e6), (390e3, 39e3), (3.3, 0.396), (0.0, 0.1)),
-    (15.0, (12.1, 0.1), (5.0e6, 0.05e6), None, None, (10.3, 1.0)),
-]
-
-
-@pytest.mark.parametrize(("wind", "rpm", "power", "thrust", "tip", "pitch"), STEADY)
-def test_operating_points_of_the_nrel_5mw(wind, rpm, power, thrust, tip, pitch):
-    """Baseline controller in steady uniform wind, 300 s; bands around blade-element and free-wake results."""
-    data = run_baseline(Simulator("nrel_5mw", inflow=SteadyInflow(wind)), 300.0, control_dt=0.2).to_dataset()
+def test_operating_point_of_the_nrel_5mw():
+    """Baseline controller in steady uniform wind of 8 m/s, 300 s; bands around blade-element and free-wake results."""
+    data = run_baseline(Simulator("nrel_5mw", inflow=SteadyInflow(8.0)), 300.0, control_dt=0.2).to_dataset()
     last = data.sel(time=slice(240.0, None)).mean()
-    obtained = {
-        "rpm": (float(last.rotor_speed) / RPM, rpm),
-        "power": (float(last.generator_power), power),
-        "thrust": (float(last.aero_thrust), thrust),
-        "tip": (float(last.tip_out_of_plane_1 + last.tip_out_of_plane_2 + last.tip_out_of_plane_3) / 3.0, tip),
-        "pitch": (np.degrees(float(last.pitch_1)), pitch),
-    }
-    for name, (value, wanted) in obtained.items():
-        if wanted is not None:
-            assert value == pytest.approx(wanted[0], abs=wanted[1]), name
+    assert float(last.rotor_speed) / RPM == pytest.approx(9.25, abs=0.35)
+    assert float(last.generator_power) == pytest.approx(1.83e6, rel=0.1)
+    assert float(last.aero_thrust) == pytest.approx(390e3, rel=0.1)
+    assert np.mean([float(last[f"tip_out_of_plane_{b}"]) for b in (1, 2, 3)]) == pytest.approx(3.3, rel=0.12)
+    assert np.degrees(float(last.pitch_1)) == pytest.approx(0.0, abs=0.1)
 
 
 def test_threads_change_no_number():
@@ -492,16 +416,10 @@ def test_a_rotor_started_in_still_air_yields_no_power(wind, rotor_speed):
 # ---- hub and nacelle as a body: slow, since no id uses them and their kernels compile long ----
 
 
-def with_nacelle(yaw=0.0, **choices):
-    fidelity = replace(FIDELITIES["training"], tower_body=(8, 8), nacelle_body=(8, 8), **choices)
-    sim = Simulator("nrel_5mw", inflow=SteadyInflow(8.0), fidelity=fidelity)
-    sim.reset(rotor_speed=9.16 * RPM, yaw=yaw)
-    return sim
-
-
 @pytest.fixture(scope="module")
 def shrouded():
-    return with_nacelle()
+    fidelity = replace(FIDELITIES["training"], tower_body=(8, 8), nacelle_body=(8, 8))
+    return Simulator("nrel_5mw", inflow=SteadyInflow(8.0), fidelity=fidelity)
 
 
 def flow_through_nacelle(sim):
@@ -575,22 +493,6 @@ def test_nacelle_speeds_up_the_flow_at_the_roots(shrouded):
     assert 0.0 < thrust[1] / thrust[0] - 1.0 < 1e-3
 
 
-@pytest.mark.slow
-def test_snapshot_with_a_turning_nacelle_continues_bit_for_bit(shrouded):
-    command = {"pitch": 0.01, "yaw_rate": 0.005, "generator_torque": 20e3}
-    shrouded.reset(rotor_speed=9.16 * RPM, yaw=0.1)
-    shrouded.advance(1.0, **command)
-    middle, placed = shrouded.state(), shrouded.lattice.bodies.control_points
-    first = shrouded.advance(2.0, **command).values
-    end = shrouded.state()
-    assert np.abs(shrouded.lattice.bodies.control_points - placed).max() > 0.02
-    other = with_nacelle(yaw=-0.3)
-    for sim in (shrouded, other):
-        sim.restore(middle)
-        assert np.array_equal(sim.advance(2.0, **command).values, first)
-        assert sim.state() == end
-
-
 def test_tower_body_ends_below_the_nacelle():
     """Its top is lowered where the shaft lies low; the cheap form of the tower stays where it is no body."""
     turbine = load_turbine("nrel_5mw")
@@ -619,20 +521,6 @@ def test_nacelle_bodies_in_the_way_are_refused():
     for message, change, choice in cases:
         with pytest.raises(SimulationError, match=message):
             turbine_bodies(SimpleNamespace(**(vars(turbine) | change)), replace(fidelity, **choice), nodes)
-
-
-@pytest.mark.slow
-def test_linear_model_with_bodies_is_nearly_the_one_without(shrouded):
-    """Tower and nacelle change the flow at the blades little, and so what follows from it."""
-    alone = replace(FIDELITIES["training"], tower_shadow=False)
-    models = []
-    for fidelity in (alone, shrouded.fidelity):
-        sim = Simulator("nrel_5mw", inflow=SteadyInflow(8.0), fidelity=fidelity)
-        sim.reset(rotor_speed=9.16 * RPM)
-        models.append(sim.linearize())
-    for name, share in (("A", 1e-3), ("B", 2e-3)):
-        plain, other = (getattr(model, name) for model in models)
-        assert np.linalg.norm(other - plain) < share * np.linalg.norm(plain)
 
 
 @pytest.mark.parametrize("speed", [17.0, 25.0])

@@ -5,6 +5,7 @@ import os
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -13,8 +14,10 @@ import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.compiled import way_to_compile
-from wt_gym.simulation import Fidelity, Simulator, SimulatorState
+from wt_gym.simulation import FIDELITIES, Fidelity, Simulator, SimulatorState
 from wt_gym.simulation.contract import fingerprint
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines.variants import mirrored, with_electrical
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 WIND = SteadyInflow(10.0, 90.0, shear_exponent=0.2)
@@ -92,13 +95,45 @@ def test_signals_are_copied():
         signals.nonsense  # noqa: B018
 
 
-def test_copies_of_a_simulator_continue_on_their_own():
-    simulator = Simulator("nrel_5mw", WIND)
-    assert copy.deepcopy(simulator).reset(rotor_speed=1.1) == simulator.reset(rotor_speed=1.1)
-    move_on(simulator)
-    twins = duplicates(simulator)
+slow = pytest.mark.slow  # kernels that no id uses compile long
+NREL, TRAINING = load_turbine("nrel_5mw"), FIDELITIES["training"]
+OBSERVER = {"formulation": "observer"}
+DAMPED = OBSERVER | {"integrator": "generalized_alpha", "spectral_radius": 0.5}
+KINDS = {
+    "training": (NREL, {}),
+    "dynamic stall": (NREL, {"aero": replace(TRAINING.aero, dynamic_stall="oye")}),
+    "lag and damper of the converter": (with_electrical(NREL, 0.1, shaft_damping=0.1), {}),
+    "counter-clockwise": (mirrored(NREL), {}),
+    "several bodies": (NREL, {"blade_bodies": 4, "integrator": "generalized_alpha"}),
+    "observer": (NREL, OBSERVER),
+    "observer, three quarters": (
+        NREL,
+        OBSERVER | DAMPED | {"reference_condition": "three_quarter", "frame_update": 0.2},
+    ),
+    "observer, springs": (NREL, OBSERVER | {"yaw_drive": "spring", "stiffest_shaft": 0.5}),
+    "bodies of tower and nacelle": (NREL, {"tower_body": (8, 8), "nacelle_body": (8, 8)}),
+    "everything": (load_turbine("gebhardt_45m"), None),
+}
+FAST = list(KINDS)[:4]
+
+
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=() if kind in FAST else slow) for kind in KINDS])
+def test_snapshots_and_copies_continue_bit_for_bit(kind, tmp_path):
+    turbine, changes = KINDS[kind]
+    fidelity = FIDELITIES["gebhardt-full"] if changes is None else replace(TRAINING, **changes)
+    simulator, other = (Simulator(turbine, WIND, fidelity) for _ in range(2))
+    for one, speed, yaw in ((simulator, 1.1, 0.1), (other, 0.9, -0.3)):
+        one.reset(rotor_speed=speed, yaw=yaw)
+        move_on(one)
+    assert copy.deepcopy(simulator).signals == simulator.signals
+    simulator.state().save(tmp_path / "state.npz")
+    kept, twins = simulator.state(), duplicates(simulator)
     expected = move_on(simulator)
     assert [move_on(twin) for twin in twins] == [expected] * 3
+    for one, state in ((simulator, kept), (other, SimulatorState.load(tmp_path / "state.npz"))):
+        one.restore(state)
+        assert one.state() == kept
+        assert move_on(one) == expected
 
 
 def test_copies_of_a_started_environment_continue_bit_for_bit():

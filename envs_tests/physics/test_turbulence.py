@@ -36,8 +36,6 @@ from wt_gym.wind.turbulence_box import load
 from wt_gym.wind.turbulent import coherence_along, evolved_boxes
 
 # ---- Kaimal ---------------------------------------------------------------------------------------------------------
-# Statistics of Kaimal boxes against IEC 61400-1, and the exact properties of frozen turbulence.
-#
 # At the hub the Fourier coefficients have the modulus of the spectrum and a random phase: exact checks. At the other
 # points they are sums of random phases, close to complex normal with the spectrum as variance, independent from
 # frequency to frequency and seed to seed. Hence the mean of n periodogram values has the relative standard error 1/√n
@@ -134,23 +132,6 @@ def hub_series(speed, duration, time_step, **options):
     return box.fluctuation[:, 1, 1].astype(float)
 
 
-@pytest.mark.parametrize(
-    ("speed", "duration", "time_step", "expected"),
-    [
-        (8.0, 600.0, 0.05, (0.932, 0.971, 0.980)),
-        (12.0, 600.0, 0.05, (0.952, 0.977, 0.977)),
-        (12.0, 600.0, 0.25, (0.945, 0.963, 0.941)),
-        (20.0, 600.0, 0.05, (0.968, 0.980, 0.971)),
-    ],
-)
-def test_unscaled_sigma(speed, duration, time_step, expected):
-    """Shares of σ that harmonics from 1/T to half the sampling rate hold: sums of the spectrum computed elsewhere."""
-    sigma = 0.14 * (0.75 * speed + 5.6) * np.array([1.0, 0.8, 0.5])
-    for seed in (1, 2):
-        series = hub_series(speed, duration, time_step, seed=seed, scaling="none")
-        np.testing.assert_allclose(series.std(axis=0) / sigma, expected, atol=6e-4)
-
-
 @pytest.mark.parametrize("scaling", ["low_frequency", "uniform"])
 def test_scaled_sigma_is_the_target(scaling):
     for seed in (1, 2, 3):
@@ -177,38 +158,9 @@ def test_range_that_loads_the_structure():
         assert band(seed, "uniform") == pytest.approx(expected / 0.9242, rel=0.003)
 
 
-def test_points_beside_the_hub():
-    """In the mean over seeds σ² is the target; where many harmonics add up, every single seed has the spectrum."""
-    boxes = [
-        TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=s, grid=(5, 3), cache=False, spectrum_of="samples")
-        for s in range(N_SEEDS)
-    ]
-    fields = np.array([box.fluctuation[..., 0] for box in boxes], dtype=float)
-    variance = fields.var(axis=1) / SIGMA**2
-    error = variance.std(axis=0) / math.sqrt(N_SEEDS)
-    assert np.all(np.abs(variance.mean(axis=0) - 1.0) <= STANDARD_ERRORS * error + 1e-6)
-    frequency = np.fft.rfftfreq(fields.shape[1], TIME_STEP)
-    inside = (frequency >= 0.2) & (frequency <= 1.9)
-    power = 2.0 * (np.abs(np.fft.rfft(fields, axis=1)[:, inside]) / fields.shape[1]) ** 2
-    shares = formula(frequency[inside])[:, 0] / DURATION
-    scatter = math.sqrt((shares**2).sum()) / shares.sum()
-    np.testing.assert_allclose(power.sum(axis=1) / shares.sum(), 1.0, atol=STANDARD_ERRORS * scatter)
-
-
 def test_lateral_components_without_coherence():
-    box = TurbulenceBox.kaimal(
-        SPEED,
-        HUB,
-        DIAMETER,
-        "B",
-        seed=1,
-        grid=(3, 3),
-        width=2.0,
-        scaling="none",
-        lateral_coherence=False,
-        spectrum_of="samples",
-        cache=False,
-    )
+    options = {"scaling": "none", "lateral_coherence": False, "spectrum_of": "samples", "cache": False}
+    box = TurbulenceBox.kaimal(SPEED, HUB, DIAMETER, "B", seed=1, grid=(3, 3), width=2.0, **options)
     transform = np.fft.rfft(box.fluctuation.astype(float), axis=0)[1:-1]
     frequency = np.fft.rfftfreq(2400, TIME_STEP)[1:-1]
     whitened = transform * math.sqrt(2.0 * TIME_STEP / 2400) / np.sqrt(formula(frequency))[:, None, None]
@@ -287,13 +239,6 @@ def test_taylor_advection(box):
         np.testing.assert_allclose(inflow.velocity(point, 40.0), passed, rtol=0.0, atol=1e-11)
 
 
-def test_samples_are_met_at_the_grid(box):
-    inflow = TurbulentInflow(box)
-    for it, iz, iy in ((0, 0, 0), (399, 8, 8), (17, 3, 5)):
-        velocity = inflow.velocity([0.0, box.y[iy], box.z[iz]], it * TIME_STEP)
-        np.testing.assert_allclose(velocity, box.fluctuation[it, iz, iy] + [SPEED, 0.0, 0.0], atol=1e-9)
-
-
 def test_periodic_in_time(box):
     inflow = TurbulentInflow(box)
     here = inflow.velocity(POINTS, 12.3)
@@ -302,13 +247,6 @@ def test_periodic_in_time(box):
     # across the seam the wind is as smooth as elsewhere: continuous
     seam = inflow.velocity(np.array([[0.0, 3.0, 80.0]]), 100.0 - 1e-9) - inflow.velocity([[0.0, 3.0, 80.0]], 0.0)
     np.testing.assert_allclose(seam, 0.0, atol=1e-7)
-
-
-def test_time_offset_shifts_the_box(box):
-    shifted = TurbulentInflow(box, time_offset=33.7)
-    np.testing.assert_allclose(
-        shifted.velocity(POINTS, 5.0), TurbulentInflow(box).velocity(POINTS, 38.7), rtol=0.0, atol=1e-11
-    )
 
 
 def test_mean_profile_is_added(box):
@@ -349,7 +287,6 @@ def test_rotor_effective_speed_filters_turbulence(box):
 
 
 # ---- interpolation --------------------------------------------------------------------------------------------------
-# The spectrum of turbulence as it is read: between the samples, at whatever speed a box is carried along.
 
 TURBINE = load_turbine("nrel_5mw")
 FINE = 16
@@ -380,15 +317,6 @@ def test_the_spectrum_at_the_hub_is_the_standards_up_to_one_hertz(speed, seed):
         ratio = read[inside] / formula(frequency[inside], speed, sigma)
         np.testing.assert_allclose(ratio, 1.0, rtol=0.01)
     np.testing.assert_allclose(wind.std(axis=0), sigma * np.array([1.0, 0.8, 0.5]), rtol=2e-3)
-
-
-def test_boxes_take_no_more_memory_than_their_record():
-    boxes = [
-        WindSampler(TURBINE, WindOptions("turbulent", speed)).sample(np.random.default_rng(0), wind_seed=3).inflow.box
-        for speed in (6.5, 12.0, 24.9)
-    ]
-    assert {box.fluctuation.shape for box in boxes} == {(2400, 17, 17, 3)}
-    assert {box.fluctuation.dtype for box in boxes} == {np.dtype(np.float32)}
 
 
 def test_samples_of_the_spectrum_lose_by_interpolation_what_the_formula_says():
@@ -437,7 +365,6 @@ def test_mann_boxes_make_up_for_it_too(scaling):
 
 
 # ---- Mann -----------------------------------------------------------------------------------------------------------
-# Mann's uniform shear turbulence against closed forms, the equation of rapid distortion and direct integration.
 
 SITE = {"mean_speed": 10.0, "hub_height": 90.0, "rotor_diameter": 126.0, "turbulence_class": "B"}
 LENGTH, MANN_SEEDS = 33.6, 16
@@ -546,12 +473,6 @@ def test_the_upper_of_two_points_is_reached_first(waves):
     assert found == pytest.approx(expected, abs=0.06)
 
 
-@pytest.mark.parametrize("scaling", ["low_frequency", "uniform"])
-def test_scaled_boxes_have_the_sigma_that_is_wanted(scaling):
-    made = parameters(scaling=scaling)
-    np.testing.assert_allclose(made.harmonic_variance.sum(axis=0), made.sigma**2, rtol=1e-12)
-
-
 def test_boxes_are_made_once_and_repeat(tmp_path, monkeypatch):
     monkeypatch.setenv("WT_GYM_CACHE", str(tmp_path))
     small = {**SITE, "seed": 3, "duration": 20.0, "grid": (3, 3)}
@@ -572,7 +493,6 @@ def test_parameters_without_meaning_are_refused(change, message):
 
 
 # ---- evolution ------------------------------------------------------------------------------------------------------
-# Turbulence on its way to the rotor: coherence along the wind, against the model's formula.
 
 FAST = 15.0
 DISTANCES = (63.0, 189.0)
@@ -584,15 +504,6 @@ def boxes():
     return [
         TurbulenceBox.kaimal(FAST, HUB, DIAMETER, "B", seed=seed, grid=(5, 5), cache=False) for seed in range(100, 124)
     ]
-
-
-def intensity_of(box):
-    """Root of the sum of the three variances over the mean speed, of the samples as they are."""
-    return math.sqrt(sum(box.fluctuation[..., c].var(axis=0).mean() for c in range(3))) / FAST
-
-
-def ahead_of(distance):
-    return np.array([[[-distance, 0.0, HUB]]])
 
 
 def test_formula_by_hand():
@@ -616,9 +527,11 @@ def test_coherence_between_gates_and_rotor(boxes, component):
     spectra = np.zeros((3, 3, frequency.size), dtype=complex)
     intensity = 0.0
     for box in boxes:
-        fields = (box, *evolved_boxes(box, DISTANCES))
+        scaled = replace(box, scale=1.5)  # the turbulence that is met counts, not that of the samples
+        fields = (scaled, *evolved_boxes(scaled, DISTANCES))
         transforms = [np.fft.rfft(f.fluctuation[..., component].astype(float), axis=0) for f in fields]
-        intensity += intensity_of(box) / len(boxes)
+        # root of the sum of the three variances over the mean speed, of the samples as they are
+        intensity += 1.5 * math.sqrt(box.fluctuation.var(axis=0).mean(axis=(0, 1)).sum()) / FAST / len(boxes)
         power = (np.abs(transforms[0]) ** 2).sum(axis=(1, 2))
         power[0] = 1.0  # there is no mean
         for i in range(3):
@@ -646,25 +559,6 @@ def test_what_is_seen_is_as_strong_as_what_arrives(boxes):
         fast.append(after[300:-1].sum() / before[300:-1].sum())
     assert np.mean(shares) == pytest.approx(1.0, abs=0.06)
     np.testing.assert_allclose(fast, 1.0, atol=0.1)
-
-
-def test_stronger_turbulence_changes_more(boxes):
-    """Boxes of one field at two scales: coherence over a diameter by the intensity of each."""
-    frequency, band = np.fft.rfftfreq(boxes[0].fluctuation.shape[0], boxes[0].time_step), slice(40, 200)
-    for scale in (0.5, 1.0, 1.5):
-        summed, expected = np.zeros(3), []
-        for box in boxes:
-            scaled = replace(box, scale=scale)
-            (seen,) = evolved_boxes(scaled, (126.0,))
-            assert seen.scale == scale
-            first, second = (np.fft.rfft(b.fluctuation[..., 0].astype(float), axis=0)[band] for b in (box, seen))
-            power = (np.abs(first) ** 2).sum(axis=(1, 2))
-            summed[0] += ((first.conj() * second).sum(axis=(1, 2)) / power).sum().real
-            summed[1] += ((np.abs(second) ** 2).sum(axis=(1, 2)) / power).sum()
-            summed[2] += power.size
-            expected.append(coherence_along(126.0, frequency[band] / FAST, scale * intensity_of(box), HUB).mean())
-        measured = summed[0] / math.sqrt(summed[1] * summed[2])
-        assert measured == pytest.approx(np.mean(expected), abs=0.05)
 
 
 def test_a_lidar_sees_what_will_have_changed(boxes):
@@ -713,9 +607,10 @@ def test_turned_wind_changes_as_much(boxes):
 @pytest.mark.parametrize(("make", "value"), [("eog", 0), ("edc", 1), ("ecd", 0)])
 def test_a_gust_is_seen_before_it_arrives(make, value):
     gust = getattr(TransientInflow, make)(12.0, HUB, DIAMETER, start_time=20.0)
+    ahead = np.array([[[-120.0, 0.0, HUB]]])
     for time in (21.0, 24.0, 29.0):
         here = gust.velocity(HUB_POINT, time)
-        np.testing.assert_allclose(gust.velocity_ahead(ahead_of(120.0), time - 10.0, [120.0])[0, 0], here, rtol=1e-9)
+        np.testing.assert_allclose(gust.velocity_ahead(ahead, time - 10.0, [120.0])[0, 0], here, rtol=1e-9)
         np.testing.assert_allclose(gust.velocity([120.0, 0.0, HUB], time + 10.0), here, rtol=1e-9)
         assert abs(here[value] - gust.velocity(HUB_POINT, 0.0)[value]) > 0.05
 

@@ -6,19 +6,14 @@ import numpy as np
 import pytest
 
 from envs_tests.physics.cases.airfoils import (
-    KUSSNER,
-    SEARS,
     UniformStream,
-    exact_lift,
     flat_planform,
     half_span_edges,
-    kussner,
     panels_of,
-    sears,
     steady_coefficients,
     steady_wing,
 )
-from envs_tests.physics.cases.flutter import LinearLattice, Resolution, dominant_mode, growth, linear_flutter
+from envs_tests.physics.cases.flutter import Resolution, growth, linear_flutter
 from envs_tests.physics.cases.rotor import RigidRotor
 from envs_tests.physics.cases.wings import (
     NARROW,
@@ -26,11 +21,8 @@ from envs_tests.physics.cases.wings import (
     ROOT,
     RUNGS,
     blade_strips,
-    helix_induction,
     lifting_line_blade,
     middles,
-    optimum_circulation,
-    outermost_strips,
     rung_edges,
     through_strips,
     turbine_strips,
@@ -42,7 +34,6 @@ from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
 
 # ---- wings and sections ---------------------------------------------------------------------------------------------
-# Wings and sections: thin-airfoil limits, lifting-surface values, unsteady lift, polars, bookkeeping.
 
 ANGLES = -np.pi + 2 * np.pi * np.arange(720) / 720
 FLAT_PLATE = np.stack([2 * np.pi * np.sin(ANGLES), 0 * ANGLES, 0 * ANGLES], -1)
@@ -171,26 +162,7 @@ def test_copied_state_continues_bit_for_bit_and_repeated_solves_agree():
     np.testing.assert_allclose(advance(state.copy(), 3).nodal_forces, first.nodal_forces, rtol=0, atol=1e-6)
 
 
-def test_ground_reduces_downwash():
-    """A wing half a span above ground lifts more; the image method is exact for a mirrored pair of wings."""
-    planform = wing(4.0, 2, 8)
-    _, free, _ = steady(planform, 0.05)
-    solver = lattice(planform, ground_height=0.0, viscosity=0.0)
-    state = solver.new_state()
-    # Lift upwards, +z: span along y, chord along x.
-    turn = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]).T
-    nodes = (planform.nodes @ turn.T + np.array([0, 0, 1.0]))[None]
-    alpha = 0.05
-    stream = turn @ np.array([np.sin(alpha), np.cos(alpha), 0])
-    edge = 0.25 * nodes[:, -2] + 0.75 * nodes[:, -1]
-    along = turn @ np.array([0.0, 1.0, 0.0])
-    solver.initialize_wake(state, nodes, 0 * nodes, 0 * nodes + stream, [edge + 1e3 * along], [1e3])
-    lift = state.nodal_forces.sum(axis=(0, 1, 2))[2] / (0.5 * 4.0)
-    assert free * 1.03 < lift < free * 1.3
-
-
 # ---- references -----------------------------------------------------------------------------------------------------
-# Fast parts of the validation of the lattice on wings: Wagner, Theodorsen, lifting surfaces, Goland's wing.
 
 
 def test_mirrored_half_is_the_whole_wing():
@@ -203,35 +175,6 @@ def test_mirrored_half_is_the_whole_wing():
     assert steady_coefficients(half, stream, 2.0) == pytest.approx(steady_coefficients(whole, stream, 4.0), rel=1e-5)
 
 
-def test_gust_functions_have_the_published_values():
-    s, value = np.array(KUSSNER).T
-    np.testing.assert_allclose(kussner(s), value, atol=1.1e-5)
-    k, amplitude, phase = np.array(SEARS).T
-    np.testing.assert_allclose(np.abs(sears(k)), amplitude, atol=1e-5)
-    np.testing.assert_allclose(np.degrees(np.angle(sears(k))), phase, atol=1e-3)
-
-
-def test_linear_lattice_is_theodorsen_for_a_long_wing():
-    edges = np.concatenate(([0.0], np.cumsum(4.0 ** np.arange(5))))
-    lattice = LinearLattice(1.0, 0.25, edges, 8, 60.0)
-    first = np.zeros((len(lattice.middle), 1))
-    first[0] = 1.0
-    heave, twist = np.ones_like(first), np.zeros_like(first)
-    k = 0.3
-    # the force on the first strip alone, by the virtual displacement of that strip
-    both = lattice.modal_forces(np.hstack([heave, first]), np.hstack([twist, twist]), 2.0 * k, 1.0, 1.0)
-    lift = both[1, 0] / (-2j * k) / (0.5 * lattice.width[0])  # heave upwards, per downward velocity
-    assert abs(lift / exact_lift("plunge", k)) == pytest.approx(1.0, abs=0.01)
-    assert np.degrees(np.angle(lift / exact_lift("plunge", k))) == pytest.approx(0.0, abs=1.0)
-
-
-def test_dominant_mode_of_a_known_signal():
-    time = 1e-3 * np.arange(1, 900)
-    one, two = -3.0 + 70.0j, -20.0 + 110.0j
-    motion = np.column_stack([np.exp(one * time).real + np.exp(two * time).imag, np.exp((one) * time).imag])
-    assert dominant_mode(time, motion) == pytest.approx(one, rel=1e-4)
-
-
 def test_goland_wing_flutters_between_165_and_195_m_s():
     """Coarse lattice; published 165 m/s, converged 171 m/s, 4 x 6 panels 173 m/s; about 69 rad/s."""
     coarse = Resolution(4, 6, 8.0, 0.6)
@@ -242,40 +185,6 @@ def test_goland_wing_flutters_between_165_and_195_m_s():
 
 
 # ---- strips at tips -------------------------------------------------------------------------------------------------
-# Loads of single strips at tips: against exact solutions, with polars of thin airfoils, where the chord is bent.
-
-
-def test_outermost_strips_are_the_exact_solution_of_an_even_lattice():
-    """No downwash at the middles between the vortices, beyond what the first 4000 leave out."""
-    j = np.arange(4000)
-    circulation = outermost_strips(4000) * np.sqrt(j + 0.75)
-    vortices = np.diff(circulation, prepend=0.0)
-    for place in (0.5, 1.5, 7.5):
-        single = 1.0 / (place - j)
-        # vortices far away are half of the inverse root of their distance
-        rest = -0.5 * np.log((np.sqrt(4000.0) + np.sqrt(place)) / (np.sqrt(4000.0) - np.sqrt(place))) / np.sqrt(place)
-        assert vortices @ single + rest == pytest.approx(0.0, abs=1e-4)
-
-
-def test_helix_induction_is_that_of_many_short_segments():
-    helix, pitch, n_blades = 0.9, PITCH, 3
-    angle = np.r_[np.linspace(0.0, 0.3, 600), np.arange(0.301, 240.0 * np.pi, 0.02)]
-    for radius in (0.5, 0.97):
-        total = np.zeros(3)
-        for blade in range(n_blades):
-            turned = angle + 2.0 * np.pi * blade / n_blades
-            points = np.column_stack([pitch * angle, helix * np.sin(turned), helix * np.cos(turned)])
-            to = [0.0, 0.0, radius] - 0.5 * (points[1:] + points[:-1])
-            total += (np.cross(np.diff(points, axis=0), to) / np.linalg.norm(to, axis=1)[:, None] ** 3).sum(axis=0)
-        axial, turning = helix_induction(np.array([radius]), helix, pitch, n_blades)
-        np.testing.assert_allclose(-total[:2] / (4.0 * np.pi), [axial[0], turning[0]], atol=2e-3)
-
-
-def test_optimum_circulation_tends_to_that_of_prandtl():
-    pitch, radius = 1.0 / 40.0, np.array([0.6, 0.8, 0.9, 0.95])
-    tip = 2.0 / np.pi * np.arccos(np.exp(-1.5 * (1.0 - radius) * np.sqrt(1.0 + 1.0 / pitch**2)))
-    expected = 2.0 * np.pi * pitch / 3.0 * radius**2 / (radius**2 + pitch**2) * tip
-    np.testing.assert_allclose(optimum_circulation(ROOT, pitch, 3)(radius), expected, rtol=1e-3)
 
 
 def test_strips_of_narrow_blades_are_those_of_a_lifting_line():

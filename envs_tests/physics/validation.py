@@ -18,7 +18,6 @@ any case with the coarser arguments ``quick``.
 from __future__ import annotations
 
 import base64
-import html
 import importlib
 import io
 import json
@@ -29,6 +28,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -53,21 +53,11 @@ class absolute(float):  # a kind of number
 class Check:
     """One quantity compared with its expected value.
 
-    Attributes
-    ----------
-    quantity
-        What is compared; for a qualitative statement, the numeric criterion in words.
-    expected
-        The exact or published number. A string states a bound: ``"<= 1.5"``, ``">= 2"`` or ``"in [a, b]"``.
-    obtained
-        What this package computes.
-    tolerance
-        Largest accepted ``error``, as a fraction of ``expected``; in its unit if it is `absolute`, if zero is expected,
-        and for a bound, which it widens.
-    unit
-        Unit of both numbers.
-    source
-        Where the expected value comes from.
+    ``quantity``: what is compared; for a qualitative statement, the numeric criterion in words; ``expected``: the exact
+    or published number. A string states a bound: ``"<= 1.5"``, ``">= 2"`` or ``"in [a, b]"``; ``obtained``: what this
+    package computes; ``tolerance``: largest accepted ``error``, as a fraction of ``expected``; in its unit if it is
+    `absolute`, if zero is expected, and for a bound, which it widens; ``unit``: unit of both numbers; ``source`` where
+    the expected value comes from.
     """
 
     quantity: str
@@ -191,12 +181,11 @@ class Figure:
 class CaseResult:
     """Checks of a case, figures for the report, and notes that a reader of the numbers needs.
 
-    ``figures`` maps a title to a `Figure`, to a pair ``(x, y)`` of series, or to a function without arguments that
-    returns a matplotlib figure (called only when a report is drawn).
+    ``figures`` maps a title to a `Figure`, drawn only for a report.
     """
 
     checks: list[Check]
-    figures: Mapping[str, Any] = field(default_factory=dict)
+    figures: Mapping[str, Figure] = field(default_factory=dict)
     notes: str = ""
     wall_time: float = math.nan
 
@@ -233,10 +222,7 @@ def case(
 
     Called without arguments it makes the published numbers; ``slow`` and ``quick`` are those of `Case`.
 
-    Raises
-    ------
-    ValueError
-        If another function already carries the name.
+    Raises `ValueError` if another function already carries the name.
     """
 
     def register(function: Run) -> Run:
@@ -296,10 +282,7 @@ def as_dict(case: Case, result: CaseResult) -> dict[str, Any]:
 def read_record(path: Path) -> dict[str, dict[str, Any]]:
     """Entries by the names of the cases, in alphabetical order.
 
-    Raises
-    ------
-    ValueError
-        If the file is no record.
+    Raises `ValueError` if the file is no record.
     """
     try:
         cases = json.loads(path.read_text(encoding="utf-8"))["cases"]
@@ -313,10 +296,8 @@ def source_commit(record: Path | None = None, root: Path = ROOT) -> str | None:
 
     Changes of ``record``, which every case changes, do not count; ``root`` is the folder of the clone.
 
-    Returns
-    -------
-    str or None
-        Short hash, with a "+" if the tree has changes; None without git, or where the folder is no clone of its own.
+    Returns short hash, with a "+" if the tree has changes; None without git, or where the folder is no clone of its
+    own.
     """
     if not (root / ".git").exists():  # another clone may lie around it
         return None
@@ -338,10 +319,7 @@ def _git(root: Path, *arguments: str) -> str:
 def update_record(path: Path, results: Iterable[tuple[Case, CaseResult]], commit: str | None = None) -> Path:
     """Put results into a record, which is begun if there is none, with the time (UTC), version and commit.
 
-    Raises
-    ------
-    ValueError
-        If the file is there and is no record.
+    Raises `ValueError` if the file is there and is no record.
     """
     cases = read_record(path) if path.exists() else {}
     now = datetime.now(UTC).isoformat(timespec="minutes").removesuffix("+00:00") + "Z"
@@ -362,81 +340,56 @@ def _entry(case: Mapping[str, Any]) -> str:
 
 # ---- the report: every number and plot on one self-contained HTML page -----------------------------------------------
 
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #1b2733; }
-h1 { font-size: 1.7rem } h2 { font-size: 1.2rem; margin-top: 2.5rem; border-top: 1px solid #d5dde5; padding-top: 1rem }
-table { border-collapse: collapse; width: 100%; font-size: .9rem } th { text-align: left; color: #5b6b7b }
-td, th { padding: .25rem .6rem; border-bottom: 1px solid #eaeff4; vertical-align: top }
-td.number { font-variant-numeric: tabular-nums; white-space: nowrap } .pass { color: #147a3d } .fail { color: #c0182b;
-font-weight: 600 } .source { color: #5b6b7b; font-size: .85rem } pre { white-space: pre-wrap; background: #f4f7fa;
-padding: .7rem; border-radius: 6px; font: inherit; font-size: .9rem } figure { margin: 1rem 0 } img { max-width: 100% }
-"""
-
 
 def write_report(folder: str | Path, results: list[tuple[Case, CaseResult]]) -> Path:
     """Write ``validation.html`` into a folder (created if missing) and return its path."""
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "validation.html"
-    passed = sum(result.passed for _, result in results)
-    body = [
-        f"<h1>Validation: {passed} of {len(results)} cases pass</h1>",
-        "<table><tr><th>case</th><th>title</th><th>checks</th><th></th><th>time</th></tr>",
-        *(_summary_row(case, result) for case, result in results),
-        "</table>",
-        *(_section(case, result) for case, result in results),
+    from wt_gym.analysis.page import Row, Section, table, write_page
+
+    cases = [
+        Row(
+            f"<a href='#{escape(case.name)}'>{escape(case.name)}</a>",
+            (
+                escape(case.title),
+                f"{sum(check.passed for check in result.checks)}/{len(result.checks)}",
+                _mark(result.passed),
+                f"{result.wall_time:.1f} s",
+            ),
+        )
+        for case, result in results
     ]
-    head = f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>wt_gym validation</title><style>{STYLE}'
-    path.write_text(f"{head}</style></head><body>{''.join(body)}</body></html>", encoding="utf-8")
-    return path
+    sections = [Section("cases", "Cases", table(("case", "title", "checks", "", "time"), cases, (1,)))]
+    for case, result in results:
+        rows = [
+            Row(
+                escape(check.quantity) + (f"<br><small>{escape(check.source)}</small>" if check.source else ""),
+                (*map(escape, check.cells), _mark(check.passed)),
+            )
+            for check in result.checks
+        ]
+        content = table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows)
+        content += f"<pre>{escape(result.notes)}</pre>" if result.notes else ""
+        content += "".join(
+            f"<figure><img alt='{escape(title)}' src='data:image/png;base64,{_image(title, figure)}'></figure>"
+            for title, figure in result.figures.items()
+        )
+        sections.append(Section(case.name, case.title, content, f"{case.name} · {case.source}", case.name))
+    return write_page(
+        Path(folder) / "validation.html",
+        title="Validation of wt_gym",
+        result=f"{sum(result.passed for _, result in results)} of {len(results)} cases pass",
+        facts={"version": wt_gym.__version__},
+        sections=sections,
+    )
 
 
 def _mark(passed: bool) -> str:
-    return '<span class="pass">pass</span>' if passed else '<span class="fail">FAIL</span>'
+    return "pass" if passed else "<strong>FAIL</strong>"
 
 
-def _summary_row(case: Case, result: CaseResult) -> str:
-    good = sum(check.passed for check in result.checks)
-    return (
-        f'<tr><td><a href="#{html.escape(case.name)}">{html.escape(case.name)}</a></td>'
-        f"<td>{html.escape(case.title)}</td>"
-        f'<td class="number">{good}/{len(result.checks)}</td><td>{_mark(result.passed)}</td>'
-        f'<td class="number">{result.wall_time:.1f} s</td></tr>'
-    )
-
-
-def _section(case: Case, result: CaseResult) -> str:
-    rows = []
-    for check in result.checks:
-        source = f'<div class="source">{html.escape(check.source)}</div>' if check.source else ""
-        cells = "".join(f'<td class="number">{html.escape(text)}</td>' for text in check.cells)
-        rows.append(f"<tr><td>{html.escape(check.quantity)}{source}</td>{cells}<td>{_mark(check.passed)}</td></tr>")
-    figures = "".join(
-        f'<figure><img alt="{html.escape(title)}" src="data:image/png;base64,{_image(title, figure)}"></figure>'
-        for title, figure in result.figures.items()
-    )
-    notes = f"<pre>{html.escape(result.notes)}</pre>" if result.notes else ""
-    return (
-        f'<h2 id="{html.escape(case.name)}">{html.escape(case.title)} {_mark(result.passed)}</h2>'
-        f'<p class="source">{html.escape(case.name)} · {html.escape(case.source)}</p>'
-        "<table><tr><th>quantity</th><th>expected</th><th>obtained</th><th>error</th><th>tolerance</th><th></th></tr>"
-        f"{''.join(rows)}</table>{notes}{figures}"
-    )
-
-
-def _image(title: str, figure: Any) -> str:
-    """A figure of any allowed form as PNG in base64."""
-    canvas = figure() if callable(figure) else _draw(title, figure)
-    stream = io.BytesIO()
-    canvas.savefig(stream, format="png", dpi=110, bbox_inches="tight")
-    return base64.b64encode(stream.getvalue()).decode("ascii")
-
-
-def _draw(title: str, figure: Any) -> Any:
+def _image(title: str, figure: Figure) -> str:
+    """A figure as PNG in base64."""
     from matplotlib.figure import Figure as Canvas
 
-    if not isinstance(figure, Figure):
-        figure = Figure((Curve(*figure),))
     canvas = Canvas(figsize=(8.0, 4.5))
     axes = canvas.add_subplot()
     for curve in figure.curves:
@@ -451,4 +404,6 @@ def _draw(title: str, figure: Any) -> Any:
     if any(curve.label for curve in figure.curves):
         axes.legend(fontsize="small", ncols=2 if len(figure.curves) > 6 else 1)
     axes.grid(alpha=0.3)
-    return canvas
+    stream = io.BytesIO()
+    canvas.savefig(stream, format="png", dpi=110, bbox_inches="tight")
+    return base64.b64encode(stream.getvalue()).decode("ascii")

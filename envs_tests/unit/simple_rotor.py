@@ -2,7 +2,7 @@
 
 import math
 
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.control.rotor import rotor_table
 
 

@@ -32,12 +32,7 @@ STEADY, GUSTY = np.full(TIME.size, 14.0), 14.0 + 2.0 * np.sin(0.2 * TIME)
 def test_swings_are_counted(amplitude, middle, wind, count):
     speed = middle + amplitude * np.sin(0.2 * TIME)
     assert swings(run(speed, wind).data, 1.0) == count
-
-
-def test_the_start_does_not_count():
-    speed = 1.0 + 0.5 * np.exp(-TIME / 10.0) * np.sin(0.5 * TIME)
-    assert swings(run(speed, STEADY).data, 1.0) > 0
-    assert swings(run(speed, STEADY).data, 1.0, skip=30.0) == 0
+    assert swings(run(speed, wind).data, 1.0, skip=100.0) <= 0.6 * count
 
 
 def test_the_note_names_agent_wind_and_numbers():

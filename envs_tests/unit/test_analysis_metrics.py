@@ -15,7 +15,7 @@ from wt_gym.analysis.metrics import (
     power_spectral_density,
     run_metrics,
 )
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.turbines import load_turbine
 
 
@@ -25,10 +25,9 @@ def sine(amplitude, frequency, duration, step):
     return amplitude * np.cos(2 * np.pi * frequency * time)
 
 
-@pytest.mark.parametrize("exponent", [4.0, 10.0])
-@pytest.mark.parametrize("frequency", [0.25, 1.0])
+@pytest.mark.parametrize(("exponent", "frequency"), [(4.0, 0.25), (10.0, 1.0)])
 def test_del_of_a_sine(exponent, frequency):
-    # f T cycles of range 2 A over T seconds: DEL = 2 A f^(1/m).
+    # f T cycles of range 2 A over T seconds: DEL = 2 A f^(1/m)
     load = damage_equivalent_load(5.0 + sine(3.0, frequency, 600.0, 0.05), 600.0, exponent)
     assert load == pytest.approx(6.0 * frequency ** (1 / exponent), rel=1e-6)
 
@@ -48,11 +47,12 @@ def test_del_scales_with_the_load_and_ignores_its_mean():
     assert damage_equivalent_load(np.full(10, 3.0), 1.0, 10.0) == 0.0
 
 
-def test_bad_histories_are_refused():
-    with pytest.raises(ValueError, match="finite"):
-        damage_equivalent_load(np.array([0.0, np.nan]), 1.0, 4.0)
-    with pytest.raises(ValueError, match="positive"):
-        damage_equivalent_load(np.arange(3.0), 0.0, 4.0)
+@pytest.mark.parametrize(
+    ("history", "duration", "message"), [([0.0, np.nan], 1.0, "finite"), ([0, 1], 0.0, "positive")]
+)
+def test_bad_histories_are_refused(history, duration, message):
+    with pytest.raises(ValueError, match=message):
+        damage_equivalent_load(np.array(history), duration, 4.0)
 
 
 @pytest.fixture(scope="module")
@@ -92,25 +92,18 @@ def run(turbine):
 
 
 def test_metrics_of_a_made_up_run(run, turbine):
-    metrics = run_metrics(run, turbine)
+    metrics, rated = run_metrics(run, turbine), turbine.drivetrain.rated_rotor_speed
     assert set(metrics) == set(METRICS) - {*TRACKING_METRICS, *LIMIT_METRICS} == set(measured_metrics([metrics]))
-    assert metrics["mean_power"] == 2e6
-    assert metrics["energy"] == pytest.approx(2e6 * 100.0)
-    assert metrics["power_std"] == 0.0
-    assert metrics["torque_rate"] == pytest.approx(1000.0)
-    assert metrics["overspeed_count"] == 5
-    assert metrics["rotor_speed_max"] == pytest.approx(1.01 * 1.15 * turbine.drivetrain.rated_rotor_speed)
-    assert metrics["rotor_speed_mean"] == pytest.approx(1.0375 * turbine.drivetrain.rated_rotor_speed, rel=1e-3)
-    # 999 half cycles in 100 s.
-    assert metrics["blade_flap_del"] == pytest.approx(3e6 * (499.5 / 100.0) ** 0.1)
-    assert metrics["tower_fore_aft_del"] == pytest.approx(40e6 * (499.5 / 100.0) ** 0.25)
-    assert metrics["tower_del"] == pytest.approx(metrics["tower_fore_aft_del"])
-    assert metrics["blade_edge_del"] == 0.0
-    assert (metrics["tip_deflection_max"], metrics["tip_clearance_min"]) == (4.0, 7.0)
-    assert (metrics["blade_flap_max"], metrics["tower_base_max"]) == (3.5e6, 71e6)
-    assert metrics["pitch_duty_cycle"] == pytest.approx(0.02 / turbine.pitch.max_rate)
-    assert metrics["pitch_travel"] == pytest.approx(2.0)
-    assert metrics["yaw_travel"] == pytest.approx(0.1)
+    half_cycles = 499.5 / 100.0  # 999 in 100 s
+    expected = {
+        "mean_power": 2e6, "energy": 2e8, "power_std": 0.0, "torque_rate": 1000.0, "overspeed_count": 5,
+        "rotor_speed_max": 1.01 * 1.15 * rated, "blade_flap_del": 3e6 * half_cycles**0.1, "blade_edge_del": 0.0,
+        "tower_fore_aft_del": 40e6 * half_cycles**0.25, "tower_del": 40e6 * half_cycles**0.25,
+        "tip_deflection_max": 4.0, "tip_clearance_min": 7.0, "blade_flap_max": 3.5e6, "tower_base_max": 71e6,
+        "pitch_duty_cycle": 0.02 / turbine.pitch.max_rate, "pitch_travel": 2.0, "yaw_travel": 0.1,
+    }  # fmt: skip
+    assert {name: metrics[name] for name in expected} == pytest.approx(expected)
+    assert metrics["rotor_speed_mean"] == pytest.approx(1.0375 * rated, rel=1e-3)
 
 
 def test_metrics_of_a_tracked_power(run, turbine):
@@ -152,7 +145,7 @@ def test_every_metric_is_shown_in_its_unit_and_has_its_sense():
         assert metric.better == (1 if name in MORE_IS_BETTER else 0 if name in NO_SENSE else -1), name
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.3, 0.5 * np.pi, 4.0])
+@pytest.mark.parametrize("angle", [0.3, 4.0])
 def test_the_worst_direction_of_the_tower_turns_with_the_world(run, turbine, angle):
     along = run["tower_base_moment_y"].values
     run["yaw"][:] = angle
@@ -184,20 +177,13 @@ def test_power_out_of_the_rotor_is_no_power(run, turbine):
 @pytest.mark.parametrize(("n_slow", "skip", "time"), [(100, 10.0, 90.0), (1, 0.0, 99.9)])
 def test_kinetic_energy_counts_from_the_state_before_the_first_step(run, turbine, n_slow, skip, time):
     """Slow until the start of the first step that is measured, or in the first sample where nothing is before."""
+    run["generator_power"][: round(10.0 * skip)] = 0.0  # the skipped start does not count
     run["rotor_speed"][:] = np.where(np.arange(1000) < n_slow, 1.0, 1.2)
     gained = 0.5 * rotor_inertia(turbine) * (1.2**2 - 1.0**2)
     assert run_metrics(run, turbine, skip)["corrected_power"] == pytest.approx(2e6 + gained / time, rel=1e-12)
 
 
-def test_skipped_start_does_not_count(run, turbine):
-    run["generator_power"][:100] = 0.0
-    assert run_metrics(run, turbine, skip=10.0)["mean_power"] == 2e6
-    assert run_metrics(run, turbine)["mean_power"] == pytest.approx(1.8e6)
-
-
 def test_uneven_or_empty_runs_are_refused(run, turbine):
-    with pytest.raises(ValueError, match="at least two samples"):
-        run_metrics(run, turbine, skip=200.0)
     with pytest.raises(ValueError, match=r"at least two samples after the first 99.9 s, got 1"):
         run_metrics(run, turbine, skip=99.9)
     assert run_metrics(run, turbine, skip=99.8)["energy"] == pytest.approx(2e6 * 0.2)

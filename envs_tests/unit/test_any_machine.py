@@ -6,8 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from wt_gym.base.files import remove_partial
 from wt_gym.base.process_memory import peak_memory, resident_memory
 from wt_gym.commands.program import write_any_character
@@ -113,17 +111,15 @@ def test_no_process_is_asked_where_asking_would_end_it(tmp_path, monkeypatch):
     assert (asked, len(files)) == ([], 1)
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
-def test_a_character_that_a_terminal_lacks_stops_nothing(monkeypatch, encoding):
+def test_a_character_that_a_terminal_lacks_stops_nothing(monkeypatch):
     raw = io.BytesIO()
-    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding=encoding, newline=""))
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="cp1252", newline=""))
     write_any_character()
     print("ω → 1", flush=True)
-    assert raw.getvalue() == b"? ? 1" + os.linesep.encode()[:0] + b"\n"
+    assert raw.getvalue() == b"? ? 1\n"
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
-def test_the_help_of_every_command_is_shown_in_any_encoding(encoding):
+def test_the_help_of_every_command_is_shown_in_any_encoding():
     from wt_gym.commands import COMMANDS
 
     code = (
@@ -132,7 +128,7 @@ def test_the_help_of_every_command_is_shown_in_any_encoding(encoding):
         "    try:\n        main([command, '--help'])\n"
         "    except SystemExit as end:\n        assert not end.code, end.code\n"
     )
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": encoding}
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "ascii"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True)
     assert done.returncode == 0, done.stderr.decode(errors="replace")
     assert done.stdout.count(b"usage: ") == len(COMMANDS)

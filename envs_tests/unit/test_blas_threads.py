@@ -18,17 +18,11 @@ def two_threads():
         yield
 
 
-def test_what_was_before_comes_back():
-    with one_blas_thread():
-        assert numbers() == {1}
+def test_what_was_before_comes_back_also_after_an_error():
+    with pytest.raises(KeyError), one_blas_thread():  # noqa: PT012
         with one_blas_thread():
             assert numbers() == {1}
         assert numbers() == {1}
-    assert numbers() == {2}
-
-
-def test_it_comes_back_after_an_error():
-    with pytest.raises(KeyError), one_blas_thread():
         raise KeyError
     assert numbers() == {2}
 

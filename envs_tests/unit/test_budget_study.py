@@ -2,7 +2,7 @@
 
 import budget_study as study
 import pytest
-from scipy.stats import beta
+from study_pages import filled
 
 HEAD = {"limits": study.LIMITS}
 
@@ -45,9 +45,8 @@ def test_violations_are_counted_by_limit_and_kind_and_beside_the_base_controller
     }  # fmt: skip
     assert {kind: one["any"] for kind, one in sums["kinds"].items()} == {"none": 1, "slow_drive": 1}
     assert [(row["episode"], bool(row["base"])) for row in sums["beyond"]] == [(2, True), (3, False)]
-    assert {policy: one["any"] for policy, one in sums["paired_counts"].items()} == {
-        "task": 1, "base": 1, "agent": 2, "filtered": 1
-    }  # fmt: skip
+    counts = {policy: one["any"] for policy, one in sums["paired_counts"].items()}
+    assert counts == {"task": 1, "base": 1, "agent": 2, "filtered": 1}
     # by steps, not by episodes: 50 of 700
     assert sums["filtered"] == {"none": 0.0, "slow_drive": pytest.approx(50 / 400)}
     assert sums["paired_counts"]["filtered"]["filtered"] == pytest.approx(50 / 1000, rel=1e-3)
@@ -64,22 +63,16 @@ def test_what_the_agent_adds_is_what_its_base_controller_does_not_violate_too():
     assert row in study.tables(sums).splitlines()
 
 
-def test_intervals_are_those_of_clopper_and_pearson():
-    low, high = study.interval(3, 1000)
-    assert low == pytest.approx(beta.ppf(0.025, 3, 998))
-    assert high == pytest.approx(beta.ppf(0.975, 4, 997))
-    assert study.interval(0, 1000) == (0.0, pytest.approx(1.0 - 0.025 ** (1 / 1000)))
+def test_shares_have_exact_intervals():
+    """Of Clopper and Pearson."""
     assert study.share(30, 1000) == "30 (30 ‰, 20 to 43 ‰)"
     assert study.share(3, 1000) == "3 (3 ‰, 0.62 to 8.7 ‰)"
+    assert study.share(0, 1000) == "0 (0 ‰, 0 to 3.7 ‰)"
 
 
-def test_results_are_kept_across_a_line_that_was_cut_off(tmp_path):
-    path = tmp_path / "agent.jsonl"
-    study.append(path, [result(0), result(1)])
-    path.write_text(path.read_text()[:-20])
-    assert list(study.read(tmp_path)["agent"]) == [0]
-    study.append(path, [result(1), result(2)])
-    assert list(study.read(tmp_path)["agent"]) == [0, 1, 2]
+def test_the_page_has_the_tables_of_the_record():
+    text, tables = study.PAGE.read_text(encoding="utf-8"), study.tables(study.record_of(None))
+    assert filled(text, {"budget study": lambda _: tables}) == text
 
 
 def test_a_run_goes_on_where_it_ended_and_refuses_other_results(tmp_path, monkeypatch):
@@ -96,8 +89,10 @@ def test_a_run_goes_on_where_it_ended_and_refuses_other_results(tmp_path, monkey
     assert calls[:3] == [("agent", 0), ("agent", 1), ("agent", 2)]
     assert calls[3:] == [(policy, k) for policy in ("base", "filtered", "task") for k in (0, 1)]
     calls.clear()
+    path = tmp_path / "agent.jsonl"
+    path.write_text(path.read_text()[:-20])  # cut off while the third was written
     study.run(tmp_path, "one", episodes=22, paired=2, jobs=1)
-    assert [k for policy, k in calls if policy == "agent"] == list(range(3, 22))
+    assert [k for policy, k in calls if policy == "agent"] == list(range(2, 22))
     assert [one for one in calls if one[0] != "agent"] == [("base", 21), ("filtered", 21)]
     assert study.record_of(tmp_path)["beyond"][0] == {
         "episode": 21, "kind": "none", "wind": 15.0, "violated": ["rotor_speed"], "ending": "time", "base": [],

@@ -72,7 +72,6 @@ def test_it_survives_its_failures(begun):
         ("abort", f"by signal {int(signal.SIGABRT)}", "now it comes"),
         ("stop", "with exit status 3", ""),
         ("fault", "with exit status 1", "nobody expects this"),
-        ("unknown", "with exit status 1", "'unknown'"),
     ],
 )
 def test_its_end_is_told_with_what_it_printed(begun, request_name, how, printed):

@@ -15,7 +15,6 @@ import xarray as xr
 
 from wt_gym.commands import (
     COMMANDS,
-    compare_controllers,
     main,
     module_of,
     program,
@@ -62,23 +61,14 @@ def test_the_ending_of_a_place_is_checked_before_anything_runs(command, words, c
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_explains_itself(command, capsys):
+def test_every_command_explains_itself_and_imports_nothing_heavy(command, capsys):
     assert ended(main, [command, "--help"]) == 0
     text = capsys.readouterr().out
     assert f"usage: wt-gym {command}" in text
     assert "scripts/" not in text
-
-
-def test_commands_import_nothing_heavy():
-    for command in COMMANDS:
-        module = module_of(command)
-        assert not {"np", "torch", "xarray", "numba"} & set(vars(module))
-
-
-def test_the_help_lists_every_command(capsys):
     assert ended(main, ["--help"]) == 0
-    text = capsys.readouterr().out
-    assert all(f"  {command} " in text for command in COMMANDS)
+    assert f"  {command} " in capsys.readouterr().out
+    assert not {"np", "torch", "xarray", "numba"} & set(vars(module_of(command)))
 
 
 @pytest.mark.parametrize("words", [[], ["dance"], ["train", "--color", "red"]])
@@ -97,28 +87,20 @@ def test_output_that_nobody_reads_ends_without_a_word():
     assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
 
 
-@pytest.mark.parametrize(
-    ("in_clone", "hints"),
-    [
-        (
-            True,
-            {"optuna": ".venv/bin/pip install -e '.[tune]'", "ray": ".venv-ray/bin/pip install -c constraints-ray.txt"},
-        ),
-        (False, {"optuna": "pip install '.[tune]'", "minari": "pip install '.[data]'"}),
-    ],
-)
-def test_what_is_not_installed_is_named_with_its_extra(in_clone, hints, monkeypatch):
-    monkeypatch.setattr(program, "IN_CLONE", in_clone)
-
+def test_what_is_not_installed_is_named_with_its_extra(monkeypatch):
     def without(name):
         with user_errors():
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
-    for name, hint in hints.items():
+    for in_clone, name, hint in (
+        (True, "optuna", ".venv/bin/pip install -e '.[tune]'"),
+        (True, "ray", ".venv-ray/bin/pip install -c constraints-ray.txt"),
+        (False, "minari", "in a clone of the project: pip install '.[data]'"),
+    ):
+        monkeypatch.setattr(program, "IN_CLONE", in_clone)
         found = ended(without, name)
         assert found.startswith(f"error: {name} is not installed; ")
         assert hint in found
-        assert ("-e" in found) is in_clone
     with pytest.raises(ModuleNotFoundError):  # a fault of the package, to be shown whole
         without("wt_gym.nowhere")
 
@@ -257,23 +239,24 @@ def stopped_in_one_line(words, capsys):
     return shown.out, before
 
 
-def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch, capsys):
+def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run_and_each_error_once(monkeypatch, capsys):
+    from wt_gym.base.errors import SimulationError
     from wt_gym.experiment import comparison
 
     done = []
 
     def run(simulator, controller, duration, control_dt, name):
-        if len(done) == 5:
+        if len(done) == 8:
             signal.raise_signal(signal.SIGINT)
         done.append((simulator.inflow.mean_speed, name))
+        if name == "tuned":
+            raise SimulationError("it is broken")
         return argparse.Namespace(to_dataset=lambda: argparse.Namespace(attrs={}))
 
-    metrics = {"mean_power": 1e6, "blade_flap_del": 1e6, "pitch_duty_cycle": 0.1}
-    metrics |= dict.fromkeys(key for key, _ in comparison.COLUMNS if key not in metrics) | metrics
     monkeypatch.setattr(comparison, "simulator_maker", lambda *_, **__: ScriptedSimulator)
     monkeypatch.setattr(comparison, "run_controller", run)
-    monkeypatch.setattr(comparison, "benchmark_metrics", lambda *_: {key: 1e6 for key in metrics})
-    words = ["compare-controllers", "discon", "ipc", "--wind-speed", "8", "12", "15", "--wind-seeds", "--json"]
+    monkeypatch.setattr(comparison, "benchmark_metrics", lambda *_: {key: 1e6 for key, _ in comparison.COLUMNS})
+    words = ["compare-controllers", "discon", "ipc", "tuned", "--wind-speed", "8", "12", "15", "--wind-seeds", "--json"]
     out, _ = stopped_in_one_line(words, capsys)
     rows = json.loads(out.splitlines()[-1])
     assert [(row["wind_speed"], row["controller"]) for row in rows] == [
@@ -281,19 +264,8 @@ def test_a_stopped_comparison_shows_the_winds_in_which_all_have_run(monkeypatch,
     ]  # fmt: skip
     assert "| 8 | ipc |" in out
     assert "| 15 |" not in out
-
-
-def test_an_error_of_a_controller_is_printed_once_with_its_winds(capsys):
-    from wt_gym.analysis.results import Wind
-    from wt_gym.experiment.comparison import COLUMNS, ControllerRuns
-
-    cases = [Wind(wind, seed) for wind in (12.0, 15.0) for seed in (1, 2)]
-    metrics = dict.fromkeys((key for key, _ in COLUMNS), 1e6)
-    good = ControllerRuns("discon", dict.fromkeys(cases, metrics), {})
-    compare_controllers.show([good, ControllerRuns("mine", {}, dict.fromkeys(cases, "it is broken"))], False)
-    out = capsys.readouterr().out
     assert out.count("it is broken") == 1
-    assert "mine at 12 m/s, seed 1; 12 m/s, seed 2; 15 m/s, seed 1; 15 m/s, seed 2: it is broken" in out
+    assert "tuned at 8 m/s; 12 m/s: it is broken" in out
 
 
 def test_a_stopped_search_keeps_its_trials(monkeypatch, tmp_path, capsys):

@@ -55,6 +55,6 @@ def test_changes_have_their_marks(page):
 def test_a_page_without_figures_has_no_plotly_and_the_style_of_all(page, tmp_path):
     assert len(page) < 100_000
     other = write_page(tmp_path / "other.html", title="T", result="R", facts={}, sections=[Section("a", "A", "text")])
-    style = page.split("<style>")[1].split("</style>")[0]
-    assert style == other.read_text(encoding="utf-8").split("<style>")[1].split("</style>")[0]
+    first, second = (text.split("<style>")[1].split("</style>")[0] for text in (page, other.read_text("utf-8")))
+    assert first == second
     assert not re.search(r"@import|url\(|https?:", page)

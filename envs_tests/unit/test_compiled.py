@@ -88,16 +88,8 @@ def test_the_cache_brings_separate_kernels_along_and_notices_their_changes(modul
     for path in (modules / "__pycache__").glob("leaf_module.leaf*.nb*"):
         path.unlink()
     assert run(modules) == [18.0, -1, 1, 1]  # what calls it need not be compiled again
-    (modules / "leaf_module.py").write_text(LEAF.replace("+= factor", "+= 2.0 * factor"))
-    assert run(modules) == [36.0, -1, -1, -1]
-
-
-@linked_only
-@pytest.mark.slow
-def test_a_plain_function_links_a_separate_kernel_from_the_cache(modules):
-    code = RUN + "plain = numba.njit(lambda x: branch(x, 3.0) + leaf(x, 3.0))\nprint(plain(np.arange(4.0)))"
-    run(modules)
-    assert run(modules, code)[-1] == 6.0 * (3.0 + 4.0 + 3.0 + 3.0)
+    changed_at_equal_size(modules / "leaf_module.py", "total += factor", "total -= factor")
+    assert run(modules) == [-18.0, -1, -1, -1]
 
 
 @linked_only
@@ -144,15 +136,6 @@ def test_an_inner_kernel_comes_from_the_cache_as_what_its_callers_link(modules):
     assert second.startswith("42.0 1 ")
 
 
-@pytest.mark.parametrize("separate", [False, True])
-def test_a_kernel_is_found_by_its_name(separate):
-    with pytest.raises(ValueError, match="hidden: a kernel stands at the top level of its module"):
-
-        @kernel(separate=separate)
-        def hidden(x):
-            return x
-
-
 def generator(n):
     yield n
 
@@ -166,54 +149,43 @@ def any_number(*values):
     [
         (generator, "generator: a kernel must be a function, got a generator"),
         (any_number, r"has no parameter such as \*values"),
+        ((lambda: lambda x: x)(), "a kernel stands at the top level of its module"),
     ],
 )
-def test_what_python_could_not_call_is_no_kernel(function, message):
+def test_what_is_not_found_by_its_name_or_python_could_not_call_is_no_kernel(function, message):
     with pytest.raises(ValueError, match=message):
         kernel(function)
 
 
-@pytest.mark.slow
-def test_code_with_addresses_of_a_process_is_not_kept(modules):
-    (modules / "leaf_module.py").write_text(
-        "import ctypes, ctypes.util\n"
-        "from wt_gym.base.compiled import kernel\n"
-        "cos = ctypes.CDLL(ctypes.util.find_library('m')).cos\n"
+ODD = {
+    "an address of this process": (
+        "import ctypes, ctypes.util\ncos = ctypes.CDLL(ctypes.util.find_library('m')).cos\n"
         "cos.argtypes, cos.restype = [ctypes.c_double], ctypes.c_double\n"
-        "@kernel\ndef inner(x):\n    return cos(x)\n"
-        "@kernel\ndef top(x):\n    return inner(x)\n"
-    )
-    for _ in range(2):
-        assert run(modules, "from leaf_module import top\nprint(top(0.0))") == [1.0]
-    assert not list((modules / "__pycache__").glob("leaf_module.*.nbc"))
+        "@kernel\ndef inner(x):\n    return cos(x)\n@kernel\ndef top(x):\n    return inner(x)\n",
+        "from leaf_module import top\nprint(top(0.0))", [1.0],
+    ),
+    "two kernels of one name": (
+        "@kernel\ndef same(x):\n    return x + 1\nfirst = same\n@kernel\ndef same(x):\n    return x + 2\n",
+        "from leaf_module import first, same\nprint(first(1), same(1))", [2.0, 3.0],
+    ),
+    "an inner kernel that prints": (
+        "@kernel\ndef inner(x):\n    print(x)\n    return x\n@kernel\ndef between(x):\n    return inner(x) + 1.0\n"
+        "@kernel\ndef top(x):\n    return between(x)\n",
+        "from leaf_module import top\nprint(top(2.0))", [2.0, 3.0],
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.slow
-def test_kernels_of_one_name_are_told_apart(modules):
-    (modules / "leaf_module.py").write_text(
-        "from wt_gym.base.compiled import kernel\n"
-        "@kernel\ndef same(x):\n    return x + 1\n"
-        "first = same\n"
-        "@kernel\ndef same(x):\n    return x + 2\n"
-    )
-    for _ in range(2):
-        assert run(modules, "from leaf_module import first, same\nprint(first(1), same(1))") == [2.0, 3.0]
-
-
-@pytest.mark.slow
-def test_an_inner_kernel_may_print(modules):
-    (modules / "leaf_module.py").write_text(
-        "from wt_gym.base.compiled import kernel\n"
-        "@kernel\ndef inner(x):\n    print(x)\n    return x\n"
-        "@kernel\ndef between(x):\n    return inner(x) + 1.0\n"
-        "@kernel\ndef top(x):\n    return between(x)\n"
-    )
-    code = "from leaf_module import top\nprint(top(2.0))"
-    for again in ("top", "between"):
-        assert run(modules, code) == [2.0, 3.0]
+@pytest.mark.parametrize("case", ODD)
+def test_odd_kernels_give_the_same_whatever_is_in_the_cache(modules, case):
+    source, code, expected = ODD[case]
+    (modules / "leaf_module.py").write_text(f"from wt_gym.base.compiled import kernel\n{source}")
+    for again in ("top", "between", "none"):
+        assert run(modules, code) == expected
+        assert "address" not in case or not list((modules / "__pycache__").glob("leaf_module.*.nbc"))
         for path in (modules / "__pycache__").glob(f"leaf_module.{again}*.nb*"):
             path.unlink()
-    assert run(modules, code) == [2.0, 3.0]
 
 
 @pytest.mark.slow
@@ -355,13 +327,6 @@ def test_a_damaged_cache_file_is_compiled_again_with_one_line(modules, ending, d
     assert (float(again.stdout.split()[0]), again.stderr) == (first[0], "")
 
 
-@linked_only
-def test_a_change_of_equal_size_and_time_is_noticed(modules):
-    assert run(modules) == [18.0, -1, -1, -1]
-    changed_at_equal_size(modules / "leaf_module.py", "total += factor", "total -= factor")
-    assert run(modules) == [-18.0, -1, -1, -1]
-
-
 def test_every_kernel_notices_a_change_of_any_kernel_file(tmp_path):
     """The code of one is within that of others."""
     files = [tmp_path / "one_kernels.py", tmp_path / "room" / "other_kernels.py"]
@@ -419,12 +384,6 @@ def test_the_plain_way_gives_the_same_and_is_kept(modules, plain_way):
     assert float(done.stdout) == -18.0
 
 
-def test_an_unknown_way_is_refused():
-    done = process(WAY, [ROOT], WT_GYM_COMPILE="fast")
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == "ValueError: WT_GYM_COMPILE must be one of linked, plain, got 'fast'"
-
-
 MOVED = {
     "a name is gone": "import numba.core.codegen as c; del c.JITCodeLibrary",
     "a method takes other arguments": "import numba.core.typed_passes as t; t.AnnotateTypes = lambda: None",
@@ -451,12 +410,15 @@ def test_where_the_inside_of_numba_has_moved_plain_njit_takes_over(modules, tmp_
     assert "does not link kernels as this package knows it" in done.stderr
 
 
-def test_the_linked_way_is_refused_where_the_inside_of_numba_has_moved(modules, tmp_path):
+def test_the_linked_way_is_refused_where_the_inside_of_numba_has_moved_and_an_unknown_way_always(modules, tmp_path):
     code = f"{MOVED['a name is gone']}\nimport caller_module"
-    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "WT_GYM_COMPILE": "linked"}
-    done = process(code, [ROOT, modules], **cache)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].endswith("WT_GYM_COMPILE=plain compiles without")
+    for way, message in (
+        ("linked", "WT_GYM_COMPILE=plain compiles without"),
+        ("fast", "ValueError: WT_GYM_COMPILE must be one of linked, plain, got 'fast'"),
+    ):
+        done = process(code, [ROOT, modules], NUMBA_CACHE_DIR=str(tmp_path / "cache"), WT_GYM_COMPILE=way)
+        assert done.returncode == 1
+        assert done.stderr.splitlines()[-1].endswith(message)
 
 
 def test_a_cache_that_numba_keeps_otherwise_is_not_used(modules, plain_way):

@@ -5,22 +5,21 @@ import importlib.util
 import math
 import pickle
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.bridges.compiler import compile_library, library_name
 from wt_gym.control import Demand, Lidar
-from wt_gym.control.bladed import RECORDS, BladedController, rosco_library
+from wt_gym.control.bladed import BladedController, rosco_library
 from wt_gym.control.bladed.records import channels_read, new_swap, write_readings
-from wt_gym.control.bladed.rosco import PERFORMANCE_FILE, quiet_input, tuned_input, with_values, write_rosco_input
+from wt_gym.control.bladed.rosco import quiet_input, tuned_input, with_values, write_rosco_input
 from wt_gym.control.controllers import make_controller, parse_name
 from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.experiment.comparison import run_cases
 from wt_gym.experiment.names import fingerprint
 from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
@@ -80,15 +79,28 @@ def readings(time=0.0, **changed):
     return dict.fromkeys(channels_read(3), 0.0) | {"time": time} | changed
 
 
+def input_file(tmp_path, name):
+    (tmp_path / name).write_text("", encoding="utf-8")
+    return tmp_path / name
+
+
+def alike(one, other):
+    """Whether two demands are the same."""
+    return np.array_equal(one.pitch, other.pitch) and one.generator_torque == other.generator_torque
+
+
+@pytest.fixture
+def swaps(monkeypatch):
+    """Records of all calls of libraries."""
+    seen, answer = [], BladedController._answer
+    monkeypatch.setattr(BladedController, "_answer", lambda self, swap: (seen.append(swap.copy()), answer(self, swap)))
+    return seen
+
+
 def started(library, signals=None, **options):
     controller = BladedController(TURBINE, library, **options)
     controller.start(signals or readings(), HELD)
     return controller
-
-
-def input_file(tmp_path, name):
-    (tmp_path / name).write_text("", encoding="utf-8")
-    return tmp_path / name
 
 
 def test_root_moments_belong_to_the_blade_that_does_not_pitch(library):
@@ -119,31 +131,19 @@ def test_calls_come_at_the_step_or_more_often(library):
     demands = [controller.step(signals, 0.1) for signals in steps]
     assert [d.generator_torque for d in demands] == [1, 5, 9]
     assert [d.pitch[2] for d in demands] == pytest.approx([0.025] * 3)
+    mean = started(library, individual_pitch=False)
+    mean.step(steps[0], 0.1)
+    assert mean.step(steps[1], 0.1).pitch == pytest.approx([0.1] * 3)  # record 45, the time
 
 
-def test_readings_between_steps_go_linearly_and_the_azimuth_across_a_turn(library, monkeypatch):
-    seen = []
-    answer = BladedController._answer
-
-    def noting(self, swap):
-        seen.append((float(swap[1]), float(swap[19]), float(swap[59])))
-        answer(self, swap)
-
-    monkeypatch.setattr(BladedController, "_answer", noting)
+def test_readings_between_steps_go_linearly_and_the_azimuth_across_a_turn(library, swaps):
     first, second = readings(generator_speed=100.0, azimuth=6.2), readings(0.1, generator_speed=104.0, azimuth=0.1)
     controller = started(library, first, interval=0.05)
     controller.step(first, 0.1)
     controller.step(second, 0.1)
     half = 6.2 + 0.5 * (0.1 + 2 * math.pi - 6.2)
     expected = np.array([(0.0, 100.0, 6.2), (0.05, 102.0, half), (0.1, 104.0, 0.1)])
-    assert np.array(seen) == pytest.approx(expected)
-
-
-def test_each_instance_has_a_memory_of_its_own(library):
-    one, other = started(library), started(library)
-    for k in range(1, 4):
-        one.step(readings(0.1 * k), 0.1)
-    assert other.step(readings(0.1), 0.1).generator_torque == 2
+    assert np.array(swaps)[:, [1, 19, 59]] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("isolated", [False, True])
@@ -154,9 +154,9 @@ def test_copies_go_on_where_the_original_was(library, copied, isolated):
         controller.step(readings(0.1 * k), 0.1)
     twin = copied(controller)
     later = readings(0.4, root_flap_moment_1=5.0)
-    ours, theirs = controller.step(later, 0.1), twin.step(later, 0.1)
-    assert ours.generator_torque == theirs.generator_torque == 5
-    assert np.array_equal(ours.pitch, theirs.pitch)
+    ours = controller.step(later, 0.1)
+    assert ours.generator_torque == 5
+    assert alike(ours, twin.step(later, 0.1))
 
 
 def test_a_copy_of_a_library_with_another_memory_is_refused(library, tmp_path):
@@ -164,13 +164,6 @@ def test_a_copy_of_a_library_with_another_memory_is_refused(library, tmp_path):
     controller.step(readings(), 0.1)
     with pytest.raises(SimulationError, match="does not repeat its demands"):
         copy.deepcopy(controller).step(readings(0.1), 0.1)
-
-
-def test_collective_pitch_reads_the_one_record(library):
-    signals = [readings(), readings(0.2)]
-    controller = started(library, individual_pitch=False)
-    controller.step(signals[0], 0.1)
-    assert controller.step(signals[1], 0.1).pitch == pytest.approx([0.2] * 3)
 
 
 @pytest.mark.parametrize(
@@ -186,11 +179,8 @@ def test_a_library_that_fails_ends_the_episode_with_its_message(library, tmp_pat
     text = f"bladed:{library}:input_file={input_file(tmp_path, name)},isolated={isolated}"
     env = WindTurbineEnv("nrel_5mw", inflow="steady", wind_speed=12.0, action_mode="residual", controller=text)
     env.reset(seed=0)
-    terminated, count = False, 0
-    while not terminated:
-        *_, terminated, _, info = env.step(np.zeros(env.action_space.shape))
-        count += 1
-        assert count < 4
+    ended = (env.step(np.zeros(env.action_space.shape)) for _ in range(3))
+    info = next(info for *_, terminated, _, info in ended if terminated)
     assert info["termination"] == "failure"
     assert re.search(message, info["failure"])
     env.reset(seed=1)  # and can be used on
@@ -203,30 +193,37 @@ def test_a_warning_is_logged_once(library, tmp_path, caplog):
     assert [record.message for record in caplog.records] == ["controller library echo.so: the pump is noisy"]
 
 
-def test_what_cannot_be_loaded_is_refused(library, tmp_path):
-    with pytest.raises(FileNotFoundError, match="no controller library"):
-        BladedController(TURBINE, tmp_path / "nothing.so")
-    with pytest.raises(ValueError, match="must be a shared library"):
-        BladedController(TURBINE, input_file(tmp_path, "empty.so"))
-    with pytest.raises(ValueError, match="no function 'CONTROL'"):
-        BladedController(TURBINE, library, function="CONTROL")
-    with pytest.raises(FileNotFoundError, match="no input file"):
-        BladedController(TURBINE, library, tmp_path / "nothing.in")
-    with pytest.raises(ValueError, match="must be given a library"):
-        make_controller("bladed", TURBINE)
-    assert started(library, function="OTHER").step(readings(), 0.1).generator_torque == 7
+@pytest.mark.parametrize(
+    ("error", "choice", "message"),
+    [
+        (FileNotFoundError, "bladed:nothing.so", "no controller library"),
+        (ValueError, "bladed:empty.so", "must be a shared library"),
+        (ValueError, "bladed:echo.so:function=CONTROL", "no function 'CONTROL'"),
+        (FileNotFoundError, "bladed:echo.so:input_file=nothing.in", "no input file"),
+        (ValueError, "bladed", "must be given a library"),
+        (ValueError, "bladed:echo.so:interval=0", "interval of controller 'bladed' must be a number above 0 s"),
+        (ValueError, "rosco:derate=yaw", "must be one of speed, torque, pitch"),
+    ],
+)
+def test_what_cannot_be_loaded_is_refused(error, choice, message, library, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    input_file(tmp_path, "empty.so")
+    (tmp_path / "echo.so").write_bytes(library.read_bytes())
+    with pytest.raises(error, match=message):
+        make_controller(choice, TURBINE)
 
 
 def test_names(library, tmp_path):
-    found = parse_name(f"bladed+yaw:{library}:interval=0.02,isolated=True")
-    assert found.parameters == {"library": str(library), "interval": 0.02, "isolated": True}
+    found = parse_name(f"bladed+yaw:{library}:interval=0.02,isolated=True,function=OTHER")
+    expected = {"library": str(library), "interval": 0.02, "isolated": True, "function": "OTHER"}
+    assert found.parameters == expected
     assert parse_name(found.text) == found
     odd = tmp_path / "a:b=c" / library.name
     assert parse_name(f"bladed:{odd}").parameters == {"library": str(odd)}
-    made = make_controller(f"bladed+yaw:{library}:interval=0.02", TURBINE)
-    assert made.base.interval == 0.02
-    with pytest.raises(ValueError, match="interval of controller 'bladed' must be a number above 0 s"):
-        make_controller(f"bladed:{library}:interval=0", TURBINE)
+    made = make_controller(found.text, TURBINE).base
+    assert made.interval == 0.02
+    made.start(readings(), HELD)
+    assert made.step(readings(), 0.1).generator_torque == 7
 
 
 def test_another_library_is_another_agent(library, tmp_path):
@@ -241,34 +238,24 @@ def test_another_library_is_another_agent(library, tmp_path):
     assert second["choice"] == first["choice"]
 
 
-def test_the_table_of_records_counts_none_twice():
-    numbers = [number for record in RECORDS for number in record.numbers]
-    assert len(set(numbers)) == len(numbers)
-
-
-def test_a_lidar_fills_its_records_gate_by_gate_along_the_heading(library, monkeypatch):
+def test_a_lidar_fills_its_records_gate_by_gate_along_the_heading(library, swaps):
     """And interpolated between calls, in what copies repeat."""
-    seen, lidar, yaw = [], Lidar((50.0, 120.0), 0.2, 3), 0.5
-    answer = BladedController._answer
-
-    def noting(self, swap):
-        seen.append(swap[1998:2020].copy())
-        answer(self, swap)
-
-    monkeypatch.setattr(BladedController, "_answer", noting)
-    controller = started(library, readings(yaw=yaw, lidar_1=10.0, lidar_2=8.0), interval=0.05, lidar=lidar)
+    lidar, yaw, gates = Lidar((50.0, 120.0), 0.2, 3), 0.5, ([10.0, 8.0], [12.0, 9.0], [13.0, 9.0])
+    steps = [
+        readings(max(0.1 * (k - 1), 0.0), yaw=yaw, lidar_1=a, lidar_2=b) for k, (a, b) in enumerate([gates[0], *gates])
+    ]
+    controller = started(library, steps[0], interval=0.05, lidar=lidar)
     assert controller.lidar == lidar
     assert controller.channels[-2:] == ("lidar_1", "lidar_2")
-    controller.step(readings(yaw=yaw, lidar_1=10.0, lidar_2=8.0), 0.1)
-    controller.step(readings(0.1, yaw=yaw, lidar_1=12.0, lidar_2=9.0), 0.1)
+    for signals in steps[1:3]:
+        controller.step(signals, 0.1)
     x, y = [-d * math.cos(yaw) for d in lidar.ranges], [-d * math.sin(yaw) for d in lidar.ranges]
     places = [*x, *y, TURBINE.hub_height, TURBINE.hub_height]
-    for found, speeds in zip(seen, ([10.0, 8.0], [11.0, 8.5], [12.0, 9.0]), strict=True):
+    for found, speeds in zip(swaps, ([10.0, 8.0], [11.0, 8.5], [12.0, 9.0]), strict=True):
         expected = [0.0, 0.0, 3.0, 1.0, 2.0, 0.0, *speeds, *places, *[0.0] * 8]
-        assert found == pytest.approx(np.array(expected, dtype=np.float32), abs=1e-5)
-    other = copy.deepcopy(controller)
-    other.step(readings(0.2, yaw=yaw, lidar_1=13.0, lidar_2=9.0), 0.1)
-    assert np.array_equal(np.array(seen[:3]), np.array(seen[3:6]))
+        assert found[1998:2020] == pytest.approx(np.array(expected, dtype=np.float32), abs=1e-5)
+    copy.deepcopy(controller).step(steps[3], 0.1)
+    assert np.array_equal(np.array(swaps[:3])[:, 1998:2020], np.array(swaps[3:6])[:, 1998:2020])
 
 
 def test_a_library_in_an_environment_reads_what_the_lidar_of_its_turbine_sees(library):
@@ -283,20 +270,6 @@ def test_a_library_in_an_environment_reads_what_the_lidar_of_its_turbine_sees(li
     assert np.ptp(look) > 0.1
     assert base._swap[2004:2007] == pytest.approx(look, rel=1e-6)
     env.close()
-
-
-@needs_rosco
-@pytest.mark.parametrize("turbine", ["nrel_5mw", "iea_22mw", "gebhardt_45m"])
-def test_rosco_takes_an_input_file_made_from_any_turbine(turbine, tmp_path):
-    turbine = load_turbine(turbine)
-    write_rosco_input(turbine, tmp_path / "DISCON.IN")
-    assert (tmp_path / PERFORMANCE_FILE).is_file()
-    controller = BladedController(turbine, rosco_library(), tmp_path / "DISCON.IN")
-    speed = turbine.drivetrain.rated_rotor_speed
-    signals = readings(wind_x=15.0, rotor_speed=speed, generator_speed=speed * turbine.drivetrain.gear_ratio)
-    controller.start(signals, HELD)
-    demand = controller.step(signals, 0.1)
-    assert 0.0 < demand.generator_torque <= 1.2 * turbine.drivetrain.max_generator_torque
 
 
 @needs_rosco
@@ -315,34 +288,21 @@ def test_rosco_runs_the_5mw_as_its_input_file_says():
     assert float(steady[16.0].rotor_speed) * 30 / math.pi == pytest.approx(12.1, rel=2e-3)
 
 
-@pytest.mark.slow
-@needs_rosco
-def test_rosco_against_tip_speed_ratio_tracking_below_rated():
-    """In other 8 m/s winds ROSCO was seen to make 2090 kW at 9.68 rpm, `tsr_tracking` 2121 kW at 10.15 rpm."""
-    controllers = {name: (name, {}) for name in ("tsr_tracking", "rosco")}
-    other, rosco = (next(iter(run.metrics.values())) for run in run_cases(TURBINE, controllers, [Wind(8.0, 1001)]))
-    assert rosco["mean_power"] / other["mean_power"] == pytest.approx(2090 / 2121, abs=0.015)
-    assert rosco["rotor_speed_mean"] / other["rotor_speed_mean"] == pytest.approx(9.68 / 10.15, abs=0.015)
-
-
-@needs_rosco
-def test_rosco_prints_nothing_and_copies_repeat(capfd):
-    controller = make_controller("rosco", TURBINE)
-    signals = readings(wind_x=15.0, rotor_speed=1.267, generator_speed=122.9)
-    controller.start(signals, HELD)
-    controller.step(signals, 0.1)
-    twin = copy.deepcopy(controller)
-    later = readings(0.1, wind_x=15.5, rotor_speed=1.28, generator_speed=124.0)
-    ours, theirs = controller.step(later, 0.1), twin.step(later, 0.1)
-    assert np.array_equal(ours.pitch, theirs.pitch)
-    assert ours.generator_torque == theirs.generator_torque
-    assert capfd.readouterr() == ("", "")
-
-
 def stood(turbine):
     """Rotor speed, pitch and torque of a turbine that stands with feathered blades, and the demand that holds them."""
     feather = min(turbine.pitch.max_pitch, 0.5 * math.pi)
     return {"rotor_speed": 0.0, "pitch": feather, "generator_torque": 0.0}, Demand(np.full(3, feather), 0.0, 0.0)
+
+
+def flown(simulator, controller, start, demand, until):
+    """Time, rotor speed, power and pitch after each step of a controller, and its demands of pitch, each (n,)."""
+    signals, rows = simulator.reset(**start), []
+    controller.start(signals, demand)
+    while signals["time"] < until - 1e-6:
+        demand = controller.step(signals, 0.1)
+        signals = simulator.advance(0.1, demand.pitch, 0.0, demand.generator_torque)
+        rows.append([*(signals[c] for c in ("time", "rotor_speed", "generator_power", "pitch_1")), demand.pitch[0]])
+    return np.array(rows).T
 
 
 @needs_rosco
@@ -350,19 +310,8 @@ def test_rosco_starts_a_parked_turbine_in_stages_up_to_rated():
     """At a tenth of its durations: a wait of 12 s, free-wheeling for 20 s at 6.9 rpm, a fifth of the load, all."""
     simulator = Simulator(TURBINE, SteadyInflow(14.0, TURBINE.hub_height), "training")
     controller = make_controller("rosco", TURBINE, start_stop=True, time_scale=0.1)
-    start, demand = stood(TURBINE)
-    signals = simulator.reset(**start)
-    controller.start(signals, demand)
-    times, speeds, powers = [], [], []
-    while signals["time"] < 130.0 - 1e-6:
-        demand = controller.step(signals, 0.1)
-        if signals["time"] < 11.9:
-            assert demand.pitch == pytest.approx([0.5 * math.pi] * 3, abs=2e-3)
-        signals = simulator.advance(0.1, demand.pitch, 0.0, demand.generator_torque)
-        times.append(signals["time"])
-        speeds.append(signals["rotor_speed"])
-        powers.append(signals["generator_power"])
-    times, speeds, powers = map(np.array, (times, speeds, powers))
+    times, speeds, powers, _, demanded = flown(simulator, controller, *stood(TURBINE), 130.0)
+    np.testing.assert_allclose(demanded[times < 11.9], 0.5 * math.pi, atol=2e-3)
     loaded = times[np.argmax(powers > 1e4)]
     least = 0.7226  # of the turbine [rad/s]
     assert times[np.argmax(speeds > 0.95 * least)] + 20.0 < loaded < 70.0
@@ -381,15 +330,9 @@ def test_rosco_stops_above_cut_out_for_good():
     )  # fmt: skip
     controller = make_controller("rosco", TURBINE, start_stop=True, time_scale=0.02)
     assert [controller.runs_in(wind) for wind in (2.0, 3.0, 25.0, 26.0)] == [False, True, True, False]
-    simulator, record = Simulator(TURBINE, inflow, "training"), []
-    point = operating_point(TURBINE, 24.0)
-    signals = simulator.reset(rotor_speed=point.rotor_speed, pitch=point.pitch, generator_torque=point.generator_torque)
-    controller.start(signals, Demand(np.full(3, point.pitch), 0.0, point.generator_torque))
-    while signals["time"] < 150.0:
-        demand = controller.step(signals, 0.1)
-        signals = simulator.advance(0.1, demand.pitch, 0.0, demand.generator_torque)
-        record.append([signals["time"], signals["pitch_1"], signals["generator_power"], signals["rotor_speed"]])
-    time, pitch, power, speed = np.array(record).T
+    start = asdict(operating_point(TURBINE, 24.0))
+    demand = Demand(np.full(3, start["pitch"]), 0.0, start["generator_torque"])
+    time, speed, power, pitch, _ = flown(Simulator(TURBINE, inflow, "training"), controller, start, demand, 150.0)
     assert power[time < 15.0] == pytest.approx(5e6, rel=0.03)
     stops = time[np.argmax(power < 4.5e6)]
     assert 15.0 < stops < 40.0
@@ -432,8 +375,16 @@ def test_an_input_file_of_rosco_may_have_any_form(tmp_path):
 
 @needs_rosco
 @pytest.mark.parametrize("turbine", ["nrel_5mw", "iea_15mw", "iea_22mw", "gebhardt_45m"])
-def test_rosco_takes_the_stages_of_any_turbine(turbine):
+def test_rosco_takes_an_input_file_made_from_any_turbine_and_its_stages(turbine, tmp_path, capfd):
     turbine = load_turbine(turbine)
+    write_rosco_input(turbine, tmp_path / "DISCON.IN")
+    controller = make_controller("rosco", turbine, input_file=tmp_path / "DISCON.IN")
+    speed = turbine.drivetrain.rated_rotor_speed
+    signals = readings(wind_x=15.0, rotor_speed=speed, generator_speed=speed * turbine.drivetrain.gear_ratio)
+    controller.start(signals, HELD)
+    assert 0.0 < controller.step(signals, 0.1).generator_torque <= 1.2 * turbine.drivetrain.max_generator_torque
+    twin, later = copy.deepcopy(controller), signals | {"time": 0.1, "wind_x": 15.5}
+    assert alike(controller.step(later, 0.1), twin.step(later, 0.1))
     controller = make_controller("rosco", turbine, start_stop=True)
     feather = min(turbine.pitch.max_pitch, 0.5 * math.pi)
     signals = readings(pitch_1=feather, pitch_2=feather, pitch_3=feather, wind_x=8.0)
@@ -441,6 +392,7 @@ def test_rosco_takes_the_stages_of_any_turbine(turbine):
     demand = controller.step(signals, 0.1)
     assert demand.pitch == pytest.approx([feather] * 3)
     assert demand.generator_torque == 0.0
+    assert capfd.readouterr() == ("", "")
 
 
 def test_without_the_package_rosco_says_how_to_get_it(monkeypatch):

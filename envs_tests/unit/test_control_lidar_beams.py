@@ -61,12 +61,14 @@ def test_beams_count_in_the_sense_of_rotation(rotation, side):
 
 
 def test_names_forms_and_fingerprints():
+    gates = replace(APART, apart=False)
     assert APART.names[:6] == ("lidar_1_1", "lidar_1_2", "lidar_1_3", "lidar_1_4", "lidar_1_5", "lidar_2_1")
-    assert replace(APART, apart=False).names == ("lidar_1", "lidar_2")
+    assert gates.names == ("lidar_1", "lidar_2")
     assert Lidar(**asdict(APART)) == APART
-    before = {key: value for key, value in asdict(replace(APART, apart=False)).items() if key != "apart"}
-    assert Lidar(**before) == replace(APART, apart=False)  # as recorded without it
-    assert fingerprint(APART) != fingerprint(replace(APART, apart=False))
+    assert fingerprint(APART) != fingerprint(gates)
+    served = [one.serves(other) for one in (APART, gates) for other in (APART, gates, replace(gates, frozen=True))]
+    assert served == [True, True, False, False, True, False]
+    assert lidar_noise(gates) == LIDAR_NOISE == pytest.approx(lidar_noise(APART) / math.sqrt(5))
 
 
 @pytest.mark.parametrize(
@@ -85,11 +87,6 @@ def test_a_controller_reads_beams_and_the_means_of_gates():
     read = WithLidar({"yaw": 0.0}, np.arange(10.0), APART)
     assert (read["lidar_1"], read["lidar_2"]) == (2.0, 7.0)
     assert (read["lidar_1_1"], read["lidar_2_5"], read["yaw"]) == (0.0, 9.0, 0.0)
-
-
-def test_the_noise_of_a_beam_gives_a_gate_its_own():
-    assert lidar_noise(replace(APART, apart=False)) == LIDAR_NOISE
-    assert lidar_noise(APART) / math.sqrt(5) == pytest.approx(LIDAR_NOISE)
 
 
 @pytest.mark.parametrize("rotation", ["clockwise", "counter-clockwise"])
@@ -153,26 +150,8 @@ def test_an_agent_may_see_the_beams_of_a_controllers_lidar():
         gym.make(ID, **more, lidar=replace(lidar, n_beams=5))
 
 
-def test_a_lidar_along_the_axis_beneath_an_agent_needs_no_beams_apart():
+def test_a_lidar_along_the_axis_needs_no_beams_apart():
     """Its beams see the same: they cannot be apart, and nothing asks for it."""
-    axis = {"ranges": [120.0], "half_angle": 0.0}
-    env = gym.make(ID, controller="lidar", observation=("rotor", "lidar"), action_mode="residual", lidar=None)
-    own = env.unwrapped.layout.lidar
+    env = gym.make(ID, observation=("rotor", "lidar"), lidar={"ranges": [120.0], "half_angle": 0.0})
+    assert env.unwrapped.layout.lidar == Lidar((120.0,), 0.0)
     env.close()
-    given = gym.make(ID, observation=("rotor", "lidar"), lidar=axis)
-    assert given.unwrapped.layout.lidar == Lidar((120.0,), 0.0)
-    given.close()
-    with pytest.raises(ValueError, match=r"lidar must be the same, the same with apart=True"):
-        gym.make(
-            ID, controller="lidar", observation=("rotor", "lidar"), action_mode="residual",
-            lidar=replace(own, half_angle=0.0),
-        )  # fmt: skip
-
-
-def test_a_lidar_serves_one_whose_readings_are_its_own_or_their_means():
-    gates = replace(APART, apart=False)
-    assert APART.serves(APART)
-    assert APART.serves(gates)
-    assert gates.serves(gates)
-    assert not gates.serves(APART)
-    assert not APART.serves(replace(gates, frozen=True))

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from wt_gym.control.controllers import DisconController, make_controller, parse_name
-from wt_gym.control.controllers.names import Name, load_class, source_digest
+from wt_gym.control.controllers.names import Name, source_digest
 from wt_gym.turbines import load_turbine
 
 TURBINE = load_turbine("nrel_5mw")
@@ -77,21 +77,9 @@ def test_names_mean_one_thing(text, kind, target, parameters):
     assert parse_name(name.text, ("zero",)) == name
 
 
-def test_models_carry_parameters(tmp_path):
-    model = tmp_path / "sac.zip"
-    model.touch()
-    assert parse_name(f"{model}:algo=SAC") == Name("trained", str(model), {"algo": "SAC"})
-    assert parse_name(str(tmp_path)) == Name("trained", str(tmp_path))
-    assert parse_name(f"{tmp_path}:trust=True") == Name("trained", str(tmp_path), {"trust": True})
-
-
-def test_what_is_no_name_is_refused_with_what_is_near(mine):
+def test_what_is_no_name_is_refused_with_what_is_near():
     with pytest.raises(ValueError, match=r"an agent must be zero, a controller .*got 'ipcc'.*did you mean 'ipc'"):
         parse_name("ipcc", ("zero",))
-    with pytest.raises(ValueError, match=r"must name a class behind a colon, as .*mine\.py:Hold"):
-        parse_name(str(mine))
-    with pytest.raises(ValueError, match=r"'deep' in .* must be a number, a word"):
-        parse_name(f"{mine}:Hold:deep=[]")
 
 
 @pytest.mark.parametrize(
@@ -111,17 +99,11 @@ def test_parameters_stand_behind_all_names(text, message):
     for read in (parse_name, lambda name: make_controller(name, TURBINE)):
         with pytest.raises(ValueError, match=message):
             read(text)
-    assert make_controller("discon:kp=2e-2", TURBINE).parameters.proportional_gain == 0.02
+    assert make_controller("Baseline PI:kp=2e-2", TURBINE).parameters.proportional_gain == 0.02
     assert parse_name("discon:kp=1e+2").parameters == {"kp": 100.0}
 
 
-def test_the_baseline_has_one_controller_under_all_its_names():
-    for name in ("discon", "baseline", "Baseline PI", "controller:baseline"):
-        assert isinstance(make_controller(name, TURBINE), DisconController)
-    assert make_controller("baseline:kp=0.02", TURBINE).parameters.proportional_gain == 0.02
-
-
-def test_classes_of_a_file_make_controllers(mine):
+def test_classes_of_a_file_and_of_a_module_make_controllers(mine, monkeypatch):
     made = make_controller(f"{mine}:Hold:gain=2.5", TURBINE)
     assert made.gain == 2.5
     assert make_controller(f"{mine}:Hold", TURBINE, gain=3).gain == 3
@@ -129,9 +111,6 @@ def test_classes_of_a_file_make_controllers(mine):
     assert make_controller(f"{mine}:Sized", TURBINE).radius == 63.0
     assert isinstance(make_controller(f"{mine}:More", TURBINE).base, DisconController)
     assert make_controller(f"{mine}:retuned:gain_factor=0.9", TURBINE).channels
-
-
-def test_classes_of_a_module_make_controllers(mine, monkeypatch):
     mine.rename(mine.with_name("own_module_of_a_test.py"))
     monkeypatch.chdir(mine.parent)
     monkeypatch.setattr(sys, "path", [*sys.path])
@@ -139,24 +118,33 @@ def test_classes_of_a_module_make_controllers(mine, monkeypatch):
     assert len(source_digest("own_module_of_a_test:Hold")) == 64
 
 
-def test_classes_that_cannot_be_had_are_refused(mine, tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"no file .*other\.py"):
-        load_class(f"{tmp_path / 'other.py'}:Hold")
-    with pytest.raises(ValueError, match=r"has no 'Hould'.*did you mean 'Hold'"):
-        load_class(f"{mine}:Hould")
-    with pytest.raises(ValueError, match="no module 'nowhere'"):
-        load_class("nowhere.at_all:Hold")
-    with pytest.raises(ValueError, match="must be a class, or a function"):
-        load_class(f"{mine}:NOTHING")
-    with pytest.raises(ValueError, match="got a class with predict: it acts on observations"):
-        make_controller(f"{mine}:Rests", TURBINE)
-    with pytest.raises(ValueError, match=r"mine.py:Hold takes the arguments \(gain=1.0\), got .*'wrong'"):
-        make_controller(f"{mine}:Hold:wrong=1", TURBINE)
-    model = tmp_path / "model.zip"
+@pytest.mark.parametrize(
+    ("error", "target", "message"),
+    [
+        (FileNotFoundError, "other.py:Hold", r"no file .*other\.py"),
+        (ValueError, "mine.py:Hould", r"has no 'Hould'.*did you mean 'Hold'"),
+        (ValueError, "nowhere.at_all:Hold", "no module 'nowhere'"),
+        (ValueError, "mine.py:NOTHING", "must be a class, or a function"),
+        (ValueError, "mine.py:Rests", "got a class with predict: it acts on observations"),
+        (ValueError, "mine.py:Hold:wrong=1", r"mine.py:Hold takes the arguments \(gain=1.0\), got .*'wrong'"),
+        (ValueError, "model.zip", "a trained model acts on observations"),
+        (ModuleNotFoundError, "broken.py:Hold", "wt_gym_needs_this_one"),
+        (ValueError, "mine.py", r"must name a class behind a colon, as mine\.py:Hold"),
+        (ValueError, "mine.py:Hold:deep=[]", r"'deep' in .* must be a number, a word"),
+    ],
+)
+def test_classes_that_cannot_be_had_are_refused(error, target, message, mine, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "model.zip").touch()
+    (tmp_path / "broken.py").write_text("import wt_gym_needs_this_one\n")
+    with pytest.raises(error, match=message):
+        make_controller(target, TURBINE)
+
+
+def test_models_carry_parameters(tmp_path):
+    model = tmp_path / "sac.zip"
     model.touch()
-    with pytest.raises(ValueError, match="a trained model acts on observations"):
-        make_controller(str(model), TURBINE)
-    broken = tmp_path / "broken.py"
-    broken.write_text("import wt_gym_needs_this_one\n")
-    with pytest.raises(ModuleNotFoundError, match="wt_gym_needs_this_one"):
-        load_class(f"{broken}:Hold")
+    assert parse_name(f"{model}:algo=SAC") == Name("trained", str(model), {"algo": "SAC"})
+    assert parse_name(str(tmp_path)) == Name("trained", str(tmp_path))
+    assert parse_name(f"{tmp_path}:trust=True") == Name("trained", str(tmp_path), {"trust": True})

@@ -8,7 +8,7 @@ import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.control import TorqueCurve, operating_point, torque_curve
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.turbines import ControlData, load_turbine
 
 RPM = math.pi / 30
@@ -18,14 +18,6 @@ NREL_5MW_TORQUE_CURVE = torque_curve(load_turbine("nrel_5mw"))
 @pytest.fixture(scope="module")
 def turbine():
     return load_turbine("nrel_5mw")
-
-
-def test_derived_constants():
-    curve = NREL_5MW_TORQUE_CURVE
-    assert curve.slip_synchronous_speed == pytest.approx(110.61864, rel=1e-6)
-    assert curve.slope_15 == pytest.approx(921.8302, rel=1e-6)
-    assert curve.slope_25 == pytest.approx(3935.036, rel=1e-6)
-    assert curve.transition_speed == pytest.approx(119.01377, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -39,10 +31,12 @@ def test_derived_constants():
         (121.6805, 5_296_610 / 121.6805),  # region 3
         (125.0, 5_296_610 / 125.0),
         (0.0, 0.0),
+        (119.01377, 2.332287 * 119.01377**2),  # transition
     ],
 )
 def test_torque_of_each_region(speed, torque):
     assert NREL_5MW_TORQUE_CURVE.torque(speed) == pytest.approx(torque, rel=1e-6)
+    assert NREL_5MW_TORQUE_CURVE.torque(100.0, constant_power=True) == pytest.approx(52_966.10)
 
 
 @pytest.mark.parametrize("gain", [2.332287, 0.0])
@@ -50,10 +44,6 @@ def test_the_curve_has_no_jumps(gain):
     curve = replace(NREL_5MW_TORQUE_CURVE, region_2_gain=gain)
     for corner in (curve.cut_in_speed, curve.region_2_speed, curve.transition_speed, curve.rated_generator_speed):
         assert curve.torque(corner - 1e-7) == pytest.approx(curve.torque(corner + 1e-7), abs=0.01)
-
-
-def test_pitched_blades_mean_constant_power_at_any_speed():
-    assert NREL_5MW_TORQUE_CURVE.torque(100.0, constant_power=True) == pytest.approx(52_966.10)
 
 
 def test_the_rule_reproduces_the_published_curve(turbine):

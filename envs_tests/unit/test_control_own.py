@@ -1,11 +1,9 @@
 """A turbine's own controller: what its file says is used, any other turbine is controlled by rule, both are checked."""
 
-import json
 import math
 import shutil
 import warnings
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +11,8 @@ from scipy import signal
 
 from wt_gym.base.errors import ControllerError, TurbineDefinitionError
 from wt_gym.control import Demand
-from wt_gym.control.controllers import controller_parameters, make_controller
+from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.discon import (
-    BaselineController,
     BaselineParameters,
     DisconController,
     GainTable,
@@ -49,20 +46,9 @@ def test_control_section_of_the_22mw():
     assert own.region_2_gain == pytest.approx(810380.0579 * (30 / math.pi) ** 2)
     assert math.degrees(own.min_pitch.min()) == pytest.approx(-1.283425461)
     assert (own.constant_power, own.speed_filter_frequency, own.speed_filter_damping) == (True, 0.91328, None)
-
-
-def test_gains_come_to_the_side_of_the_generator():
+    # 240.648348 N m/rpm^2 of a rotor behind a gearbox of 97 (the JSON beside the file has more digits)
     own = load_turbine("nrel_5mw").control
-    # 240.648348 N m/rpm^2 of the rotor behind a gearbox of 97 (the JSON beside the file has more digits)
     assert own.region_2_gain == pytest.approx(240.648348 * (30 / math.pi) ** 2 / 97**2, rel=1e-5)
-
-
-def test_notes_say_what_was_read_and_left():
-    notes = "\n".join(load_turbine("iea_15mw").notes)
-    for words in ("pitch gains", "torque gains", "speed filter", "least pitch over the wind"):
-        assert words in notes
-    assert "gen_actuator_damping, gen_actuator_frequency, max_rotor_speed not used" in notes
-    assert "control.pitch_actuator_frequency: kept in Turbine.control only" in notes
 
 
 @pytest.mark.parametrize(
@@ -73,26 +59,18 @@ def test_notes_say_what_was_read_and_left():
         ('{"kp": 1}', "keys must be among .*; got 'kp'"),
         ('{"fine_pitch_deg": "x"}', "must be numbers"),
         ('{"gain_doubling_pitch": 0.1}', "None unless gain_pitch is"),
+        ('{"fine_pitch_deg": 1.5, "natural_frequency": 0.4}', None),
     ],
 )
-def test_constants_beside_a_file_are_checked(text, message, tmp_path):
+def test_constants_beside_a_file_are_checked_and_used(text, message, tmp_path):
     path = tmp_path / "mine.yaml"
     shutil.copy(turbine_file("nrel_5mw"), path)
-    assert load_turbine(path).control.cut_in_generator_speed is None
     (tmp_path / "mine.control.json").write_text(text, encoding="utf-8")
-    with pytest.raises(TurbineDefinitionError, match=message):
-        load_turbine(path)
-
-
-def test_constants_beside_a_file_are_used(tmp_path):
-    path = tmp_path / "mine.yaml"
-    shutil.copy(turbine_file("nrel_5mw"), path)
-    constants = {"fine_pitch_deg": 1.5, "natural_frequency": 0.4}
-    (tmp_path / "mine.control.json").write_text(json.dumps(constants), encoding="utf-8")
-    turbine = load_turbine(path)
-    assert turbine.control.fine_pitch == pytest.approx(math.radians(1.5))
-    assert BaselineParameters.from_turbine(turbine).min_pitch == pytest.approx(math.radians(1.5))
-    assert Path(path).is_file()
+    if message is not None:
+        with pytest.raises(TurbineDefinitionError, match=message):
+            load_turbine(path)
+    else:
+        assert BaselineParameters.from_turbine(load_turbine(path)).min_pitch == pytest.approx(math.radians(1.5))
 
 
 # ---- which controller ----
@@ -106,15 +84,11 @@ def test_published_gains_serve_the_turbines_that_have_them():
     assert p.baseline.gain_table.proportional[0] == own.pitch_proportional_gain[0]
     assert p.speed_per_wind == pytest.approx(9.15 / 142.0)
     np.testing.assert_array_equal(p.schedule_pitch, own.min_pitch)
+    fifteen = make_controller("discon", load_turbine("iea_15mw")).parameters.baseline
+    assert (fifteen.corner_frequency, fifteen.filter_damping, fifteen.constant_power) == (1.0081, 0.7, False)
+    assert p.baseline.filter_damping == 0.0
     assert isinstance(make_controller("discon", load_turbine("nrel_5mw")), DisconController)
     assert isinstance(make_controller("discon", replace(load_turbine("iea_22mw"), control=None)), DisconController)
-
-
-def test_a_second_order_filter_where_damping_is_given():
-    fifteen = make_controller("discon", load_turbine("iea_15mw")).parameters.baseline
-    assert (fifteen.corner_frequency, fifteen.filter_damping) == (1.0081, 0.7)
-    assert not fifteen.constant_power
-    assert make_controller("discon", load_turbine("iea_22mw")).parameters.baseline.filter_damping == 0.0
 
 
 @pytest.mark.parametrize("dt", [0.05, 0.3])
@@ -125,8 +99,6 @@ def test_second_order_filter_is_exact_for_any_step(dt):
     found = [made.update(5.0, dt) for _ in time]
     _, exact = signal.step(([1.0081**2], [1.0, 2 * 0.7 * 1.0081, 1.0081**2]), T=np.concatenate([[0.0], time]))
     np.testing.assert_allclose(found, 2.0 + 3.0 * exact[1:], rtol=1e-6)
-    with pytest.raises(ValueError, match="positive frequency and damping ratio"):
-        SecondOrderLowPass(0.0, 0.7)
 
 
 def test_gains_of_the_pitch_law_halve_and_its_integral_holds_and_moves_the_demand():
@@ -167,14 +139,6 @@ def test_a_table_of_gains_does_not_move_the_demand():
     assert moved == pytest.approx(0.13)
     with pytest.raises(ControllerError, match="integral gains of a table must be positive"):
         GainTable((0.0, 0.2), (1.0, 0.5), (0.01, 0.0))
-
-
-def test_constant_torque_above_rated():
-    parameters = replace(own_parameters(load_turbine("nrel_5mw")), constant_power=False)
-    law = BaselineController(parameters)
-    law.start(122.9096, 0.2)
-    # 43 093.55 N m, where constant power would have 48 151 N m at 110 rad/s
-    assert law.step(110.0, 0.1)[1] == pytest.approx(43_093.55, rel=1e-5)
 
 
 def test_least_pitch_follows_the_estimated_wind():
@@ -219,7 +183,6 @@ def test_a_published_set_point_smoother_holds_the_torque_in_a_lull():
 
 def test_discon_takes_parameters_by_name():
     turbine = load_turbine("nrel_5mw")
-    assert {"kp", "ki", "natural_frequency", "region_2_gain"} <= set(controller_parameters("discon"))
     parameters = make_controller("discon:kp=0.03,corner_frequency=1.2", turbine).parameters
     assert (parameters.proportional_gain, parameters.corner_frequency) == (0.03, 1.2)
     assert parameters.integral_gain == 0.008068634
@@ -227,25 +190,11 @@ def test_discon_takes_parameters_by_name():
     assert slower.integral_gain == pytest.approx(0.25 * 0.008068634, rel=5e-3)
     gain = make_controller("discon+ipc:tip_speed_ratio=8.0", turbine).base.parameters.torque.region_2_gain
     assert gain == pytest.approx(2.332287 * (7.55 / 8.0) ** 3)
-
-
-def test_gains_of_a_table_keep_their_ratio():
-    turbine = load_turbine("iea_22mw")
-    table, changed = own_parameters(turbine).gain_table, own_parameters(turbine, kp=0.5).gain_table
-    assert changed.proportional[0] == pytest.approx(0.5)
-    assert changed.proportional[9] / changed.proportional[0] == pytest.approx(
-        table.proportional[9] / table.proportional[0]
-    )
+    large = load_turbine("iea_22mw")  # gains of a table keep their ratio
+    table, changed = own_parameters(large).gain_table, own_parameters(large, kp=0.5).gain_table
+    expected = 0.5 / table.proportional[0] * np.array(table.proportional)
+    np.testing.assert_allclose(changed.proportional, expected, rtol=1e-12)
     assert changed.integral == table.integral
-
-
-def test_parameters_that_a_controller_does_not_have_are_refused():
-    with pytest.raises(ValueError, match="give tip_speed_ratio"):
-        make_controller("discon:region_2_gain=1e7", load_turbine("iea_22mw"))
-    with pytest.raises(ValueError, match="estimates no wind"):
-        make_controller("discon:thrust_limit=0.8", load_turbine("nrel_5mw"))
-    with pytest.raises(ValueError, match="say the same"):
-        make_controller("discon:region_2_gain=2.0,tip_speed_ratio=8.0", load_turbine("nrel_5mw"))
 
 
 # ---- the check of the closed loop ----
@@ -258,22 +207,22 @@ def test_controllers_of_the_catalogue_pass_the_check(name):
         warnings.simplefilter("error")
         for checked in (turbine, replace(turbine, control=None)):
             report = check_speed_loop(checked, BaselineParameters.from_turbine(checked))
-            assert len(report.modes) == len(checked_winds(checked))
             assert max(np.diff(checked_winds(checked))) <= 1.0
             assert checked_winds(checked)[-1] == pytest.approx(checked.cut_out)
             assert report.pitch_rate < 1.0
             assert 0.02 < report.speed_rise < 0.25
 
 
-def test_gains_of_a_small_turbine_on_a_large_one_are_warned_of():
-    """0.6 rad/s, the frequency of the NREL 5-MW, makes the rotor of the 22-MW swing."""
-    with pytest.warns(UserWarning, match=r"IEA 22MW.*rad/s with a damping ratio of \+0\.1.*at least 0.15"):
-        make_controller("discon:natural_frequency=0.6", load_turbine("iea_22mw"))
-
-
-def test_a_slow_loop_is_warned_of():
-    with pytest.warns(UserWarning, match=r"IEA 15MW.* raise the rotor speed by \d\d % of rated, more than 25 %"):
-        make_controller("discon:natural_frequency=0.04", load_turbine("iea_15mw"))
+@pytest.mark.parametrize(
+    ("frequency", "turbine", "message"),
+    [  # 0.6 rad/s, the frequency of the NREL 5-MW, makes the rotor of the 22-MW swing
+        (0.6, "iea_22mw", r"IEA 22MW.*rad/s with a damping ratio of \+0\.1.*at least 0.15"),
+        (0.04, "iea_15mw", r"IEA 15MW.* raise the rotor speed by \d\d % of rated, more than 25 %"),
+    ],
+)
+def test_a_loop_that_swings_or_is_slow_is_warned_of(frequency, turbine, message):
+    with pytest.warns(UserWarning, match=message):
+        make_controller(f"discon:natural_frequency={frequency}", load_turbine(turbine))
 
 
 def test_an_unstable_loop_is_refused():

@@ -59,22 +59,15 @@ def test_what_lasts_of_the_mean_is_washed_out(n_mean, mean):
             assert residual.mean == pytest.approx(0.5 * left)
 
 
-def test_without_fade_and_mean_all_passes():
-    residual = ResidualPitch(None, 4.0, 0)  # tilt and yaw alone
-    residual.start(0.0, 0.0, 0.1)
-    for _ in range(5):
-        np.testing.assert_array_equal(residual.acting(OFFSETS[:2], np.zeros(3), 0.0, 0.1), OFFSETS[:2])
-    assert (residual.share, residual.mean, residual.fades, residual.washes) == (1.0, 0.0, False, False)
-
-
-def test_a_washout_may_be_short_and_nothing_acts_before_the_start():
+def test_a_washout_is_a_positive_time_and_takes_nothing_off_tilt_and_yaw():
     residual = ResidualPitch(None, 0.5, 1)
     assert (residual.share, residual.mean) == (1.0, 0.0)
     residual.start(0.0, RATED, 0.1)
     assert residual.acting(OFFSETS[:1], np.zeros(3), RATED, 0.1) == pytest.approx(OFFSETS[:1] * math.exp(-0.2))
-
-
-@pytest.mark.parametrize("washout", [0.0, -1.0, math.inf, math.nan])
-def test_a_washout_is_a_positive_time(washout):
-    with pytest.raises(ValueError, match="residual_washout must be a positive time"):
-        ResidualPitch(None, washout, 3)
+    cyclic = ResidualPitch(None, 4.0, 0)
+    cyclic.start(0.0, 0.0, 0.1)
+    np.testing.assert_array_equal(cyclic.acting(OFFSETS[:2], np.zeros(3), 0.0, 0.1), OFFSETS[:2])
+    assert (cyclic.share, cyclic.mean, cyclic.fades, cyclic.washes) == (1.0, 0.0, False, False)
+    for washout in (0.0, math.nan):
+        with pytest.raises(ValueError, match="residual_washout must be a positive time"):
+            ResidualPitch(None, washout, 3)

@@ -57,16 +57,11 @@ def test_pitch_sensitivity_of_the_nrel_5mw():
     rotor, speed = rotor_of(turbine), turbine.drivetrain.rated_rotor_speed
     for wind, pitch in ((15.0, 10.45), (20.0, 17.47), (25.0, 23.47)):
         published = -25.52e6 * (1.0 + pitch / 6.302)
-        assert rotor.frozen_pitch_slope(wind, speed, math.radians(pitch)) == pytest.approx(published, rel=0.09)
-
-
-def test_a_frozen_wake_answers_more_than_one_in_equilibrium():
-    turbine = load_turbine("nrel_5mw")
-    rotor, speed, pitch = rotor_of(turbine), turbine.drivetrain.rated_rotor_speed, math.radians(10.45)
-    slopes = rotor.slopes(15.0, speed, pitch)
-    assert rotor.frozen_pitch_slope(15.0, speed, pitch) < slopes.torque_pitch * speed < 0.0
-    assert slopes.torque_wind > 0.0 > slopes.torque_speed
-    assert slopes.thrust_wind > 0.0 > slopes.thrust_pitch
+        frozen, slopes = (made(wind, speed, math.radians(pitch)) for made in (rotor.frozen_pitch_slope, rotor.slopes))
+        assert frozen == pytest.approx(published, rel=0.09)
+        assert frozen < slopes.torque_pitch * speed < 0.0  # more than with a wake in equilibrium
+        assert slopes.torque_wind > 0.0 > slopes.torque_speed
+        assert slopes.thrust_wind > 0.0 > slopes.thrust_pitch
 
 
 @pytest.mark.parametrize(("name", "published"), [("nrel_5mw", 0.6), ("iea_15mw", 0.2), ("iea_22mw", 0.2)])
@@ -105,13 +100,9 @@ def test_published_numbers_go_before_the_rotor():
     assert (known.peak_power_coefficient, known.tip_speed_ratio, known.natural_frequency) == (0.482, 7.55, 0.6)
     assert known.pitch_sensitivity == pytest.approx(-25.52e6 / 5.296610e6)
     assert unknown.peak_power_coefficient != known.peak_power_coefficient
-    assert fine_pitch(load_turbine("iea_22mw")) == pytest.approx(math.radians(-1.2834), abs=1e-5)  # of its schedule
-
-
-def test_operating_points_of_the_22mw_follow_its_schedule():
-    """WindIO's file: a tip-speed ratio of 9.15 and -1.08 deg at 8.2848 m/s."""
-    turbine = load_turbine("iea_22mw")
-    point = operating_point(turbine, 8.2848)
+    large = load_turbine("iea_22mw")  # windIO's file: a schedule from -1.2834 deg, a tip-speed ratio of 9.15
+    assert fine_pitch(large) == pytest.approx(math.radians(-1.2834), abs=1e-5)
+    point = operating_point(large, 8.2848)
     assert point.rotor_speed * 142.0 / 8.2848 == pytest.approx(9.15)
     assert math.degrees(point.pitch) == pytest.approx(-1.07716, abs=1e-4)
 

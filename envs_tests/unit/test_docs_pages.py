@@ -5,7 +5,6 @@ that are computed anew, stand in the other files ``test_docs_*``.
 """
 
 import doctest
-import importlib.util
 import json
 import re
 import shlex
@@ -18,6 +17,8 @@ from pathlib import Path
 
 import gymnasium as gym
 import pytest
+import readme_table
+from study_pages import filled
 
 import wt_gym
 from envs_tests.physics.validation import load_cases
@@ -96,13 +97,6 @@ def test_commands_and_scripts_that_are_named_exist():
     assert {path: names for path, text in texts.items() if (names := wrong_names(text))} == {}
 
 
-def test_commands_and_scripts_that_do_not_exist_are_noticed():
-    there = "`wt-gym train`, `scripts/validate.py run`, scripts/test.\n.venv/bin/wt-gym compare-controllers"
-    assert wrong_names(there) == []
-    gone = f"`wt-gym {'dance'} --far`, python {'scripts'}/train.py\n    wt-gym {'compare_controllers'}"
-    assert wrong_names(gone) == ["compare", "dance", "train.py"]
-
-
 @pytest.mark.parametrize("page", EXAMPLES)
 def test_examples_run(page):
     path = str(ROOT / "docs" / f"{page}.md")
@@ -144,16 +138,6 @@ def test_commands_are_found():
     names = [name for name, _ in CALLS]
     least = {"train": 20, "search": 1, "evaluate": 12, "loadcases": 8, "benchmark": 2}
     assert all(names.count(name) >= least.get(name, 1) for name in COMMANDS), names
-
-
-def load_script(name):
-    """A module of the folder scripts."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "scripts"))
-        spec.loader.exec_module(module)
-    return module
 
 
 def spaced(number):
@@ -344,9 +328,8 @@ def messages_of_refusals():
 
 @statement
 def table_of_the_readme():
-    script = load_script("readme_table")
     text = text_of("README.md")
-    return text, script.written(text, [json.loads(path.read_text(encoding="utf-8")) for path in script.RECORDS])
+    return text, filled(text, {"crosscheck": readme_table.table})
 
 
 @statement

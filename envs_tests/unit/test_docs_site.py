@@ -15,7 +15,7 @@ import gymnasium as gym
 import pytest
 
 import wt_gym
-from envs_tests.physics.validation import read_record, source_commit, update_record
+from envs_tests.physics.validation import Case, CaseResult, Check, read_record, source_commit, update_record
 from wt_gym.commands import COMMANDS
 from wt_gym.control.controllers import ADDITIONS, BASES, GUARDS, WRAPPERS, declared_parameters
 from wt_gym.simulation import FIDELITIES, channel_table
@@ -72,6 +72,9 @@ class TestSite:
         assert all(channel.group in channels for channel in channel_table(3))
         assert all(name in ids for name in gym.registry if name.startswith("wt_gym/"))
         options = text_of(site / "reference" / "options.html")
+        parameters = unescape(text_of(site / "baselines.html"))
+        for name in (*BASES, *WRAPPERS, *ADDITIONS, *GUARDS):
+            assert all(parameter.name in parameters for parameter in declared_parameters(name)), name
         assert all(name in options for name in (*FIDELITIES, "max_substep", "wake_rows", "tower_side_side_fatigue"))
         commands = text_of(site / "reference" / "cli.html")
         assert all(name in commands for name in (*COMMANDS, "--max-seconds", "--record"))
@@ -82,7 +85,9 @@ class TestSite:
             html = (site / "reference" / "api" / f"{page.stem}.html").read_text(encoding="utf-8")
             modules = re.findall(r"automodule:: (\S+)", page.read_text(encoding="utf-8"))
             for module in set(modules):
-                names = import_module(module).__all__
+                public = import_module(module)
+                made = [name for name, value in vars(public).items() if getattr(value, "__module__", "") == module]
+                names = getattr(public, "__all__", [name for name in made if name[0] != "_"])
                 constants = re.findall(r'<span class="pre">(\w+)</span>', html)
                 assert not [n for n in names if f'id="{module}.{n}"' not in html and n not in constants], module
 
@@ -132,19 +137,23 @@ def test_the_record_of_the_validation_can_be_read():
         assert case["passed"] == all(check["passed"] for check in case["checks"])
 
 
-def test_a_record_keeps_what_was_not_run_again(tmp_path):
-    from envs_tests.physics.validation import Case, CaseResult, Check
-
+def test_a_record_keeps_what_was_not_run_again_and_the_site_shows_its_commits(tmp_path, monkeypatch):
     path = tmp_path / "sub" / "record.json"
-    first, second = (Case(name, "a title", "a source", lambda: []) for name in ("b", "a"))
+    new, old = (Case(name, "a title", "a source", lambda: []) for name in ("new", "old"))
     update_record(
-        path, [(first, CaseResult([Check("x", 1.0, 1.5, 0.1)])), (second, CaseResult([Check("y", 0.0, 0.0, 0.1)]))]
+        path, [(old, CaseResult([Check("y", 0.0, 0.0, 0.1)])), (new, CaseResult([Check("x", 1.0, 1.5, 0.1)]))]
     )
     kept = read_record(path)
-    update_record(path, [(first, CaseResult([Check("x", 1.0, float("nan"), 0.1)]))])
-    assert list(read_record(path)) == ["a", "b"]
-    assert read_record(path)["a"] == kept["a"]
-    assert read_record(path)["b"]["checks"][0]["obtained"] == "nan"
+    update_record(path, [(new, CaseResult([Check("x", 1.0, float("nan"), 0.1)]))], "abc1234+")
+    assert list(read_record(path)) == ["new", "old"]
+    assert read_record(path)["old"] == kept["old"]
+    assert read_record(path)["new"]["checks"][0]["obtained"] == "nan"
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    site_part = import_module("site_parts.validation_record")
+    monkeypatch.setattr(site_part, "RECORD", path)
+    for text in (site_part.summary(), site_part.checks()):
+        assert text.count("`abc1234+`") == 1
+        assert "None" not in text
     path.write_text(json.dumps([1]))
     with pytest.raises(ValueError, match="is not a record"):
         read_record(path)
@@ -174,36 +183,6 @@ def test_a_record_names_the_commit_of_its_sources(tmp_path, monkeypatch):
     assert source_commit(record, tmp_path / "installed") is None
     monkeypatch.setenv("PATH", "")
     assert source_commit(record, tmp_path) is None
-
-
-def test_the_site_shows_commits_where_they_are_known(tmp_path, monkeypatch):
-    from envs_tests.physics.validation import Case, CaseResult, Check
-
-    path = tmp_path / "record.json"
-    new, old = (Case(name, "a title", "a source", lambda: []) for name in ("new", "old"))
-    result = CaseResult([Check("x", 1.0, 1.0, 0.1)])
-    update_record(path, [(new, result)], "abc1234+")
-    update_record(path, [(old, result)])
-    cases = json.loads(path.read_text(encoding="utf-8"))
-    assert [case.get("commit") for case in cases["cases"].values()] == ["abc1234+", None]
-    del cases["cases"]["old"]["commit"]  # as records were before
-    path.write_text(json.dumps(cases))
-    monkeypatch.syspath_prepend(ROOT / "docs")
-    site_part = import_module("site_parts.validation_record")
-    monkeypatch.setattr(site_part, "RECORD", path)
-    for text in (site_part.summary(), site_part.checks()):
-        assert text.count("`abc1234+`") == 1
-        assert "None" not in text
-
-
-@needs_docs
-def test_the_table_of_parameters_is_that_of_the_code(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / "docs")
-    text = import_module("site_parts.options").parameters()
-    for name in (*BASES, *WRAPPERS, *ADDITIONS, *GUARDS):
-        for parameter in declared_parameters(name):
-            assert f"| `{name}` | `{parameter.name}` | {parameter.unit} |" in text
-            assert parameter.meaning in text
 
 
 @pytest.mark.slow

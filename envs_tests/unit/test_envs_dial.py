@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from wt_gym.envs.dial import DIALED, DialCourse, DialOptions, DialTerm, dialed, factor_of, scaled
+from wt_gym.envs.dial import DIALED, DialCourse, DialOptions, DialTerm, factor_of, scaled
 from wt_gym.envs.options import EnvOptions
 from wt_gym.envs.rewards import DEFAULT_WEIGHTS
 
@@ -61,11 +61,8 @@ def test_only_ratios_count():
 
 def test_every_dialed_term_is_one_of_the_reward_and_others_stay():
     assert {term for terms in DIALED.values() for term in terms} <= set(DEFAULT_WEIGHTS)
-    terms = {"blade_fatigue": -1.0, "power": -2.0, "actuator_use": -3.0, "overspeed": -4.0, "termination": -200.0}
-    assert dialed(terms, (2.0, 0.25, 0.75)) == {
-        "blade_fatigue": -2.0, "power": -0.5, "actuator_use": -2.25, "overspeed": -4.0, "termination": -200.0,
-    }  # fmt: skip
-    assert factor_of("function", (2.0, 0.25, 0.75)) == 1.0
+    names = ("blade_fatigue", "power", "actuator_use", "overspeed", "termination", "function")
+    assert [factor_of(name, (2.0, 0.25, 0.75)) for name in names] == [2.0, 0.25, 0.75, 1.0, 1.0, 1.0]
     with pytest.raises(ValueError, match="dial_weights needs one of the reward terms"):
         DialTerm(DialOptions(weights="simplex"), ["overspeed", "function"], None)
 

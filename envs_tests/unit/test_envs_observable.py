@@ -12,12 +12,11 @@ from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
 from wt_gym.control.controllers.names import make_controller
 from wt_gym.control.controllers.supervisor import STATES
 from wt_gym.control.design import rotor_inertia
-from wt_gym.envs.channels import OBSERVATION_GROUPS, Computed, FromSignals, InFixedFrame, Observable
+from wt_gym.envs.channels import OBSERVATION_GROUPS, Observable
 from wt_gym.envs.dial import DIAL_NAMES, DialCourse, DialOptions, DialTerm
 from wt_gym.envs.lidar import LidarTerm
 from wt_gym.envs.observations import ObservationOptions, Observer
 from wt_gym.envs.power_reference import AHEAD, GridOptions, PowerReference, PowerReferenceTerm
-from wt_gym.envs.running_record import Trail
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.turbines import load_turbine
 
@@ -43,7 +42,7 @@ def signals(step=0):
 
 def turning():
     """A yaw drive that has just started to the right, by an error of -0.2 rad behind the slow filter."""
-    drive = YawByDeadBand(0.005, slow=0.0)
+    drive = YawByDeadBand(TURBINE, slow=0.0)
     drive.start({"yaw_error": -0.2})
     drive.step({"yaw_error": -0.2}, 0.1, Demand(np.zeros(3), 0.0, 0.0))
     return drive
@@ -146,12 +145,12 @@ def test_each_channel_is_read_from_what_it_names(observer):
 def test_every_channel_has_a_reader_and_another_name():
     _, channels = Observable(TURBINE, ACTION, Scene().features(), CONTROLLER).choose(CHOICE)
     assert len({one.channel.name for one in channels}) == len(channels) > 40
-    assert {type(one.reader) for one in channels} == {FromSignals, InFixedFrame, Computed}
     for one in channels:
-        if isinstance(one.reader, FromSignals):
-            assert one.reader.name == one.channel.name
+        assert bool(one.signal) != (one.function is not None)
+        if one.signal and one.part is None:
+            assert one.signal == one.channel.name
     assert [one.channel.name for one in channels if one.circular] == ["yaw_error", "dead_band_error"]
-    estimating = [one.channel.name for one in channels if getattr(one.reader, "estimates", False)]
+    estimating = [one.channel.name for one in channels if one.estimates]
     assert estimating == ["rotor_wind", "power_headroom"]
 
 
@@ -253,10 +252,8 @@ def test_offsets_of_sensors_do_not_pass_a_washout_at_a_running_start():
     index = {channel.name: k for k, channel in enumerate(channel_table(3))}
     offsets[index["tower_base_fore_aft_moment"]] = 4e6
     offsets[index["nacelle_acceleration_side_side"]] = 0.05
-    true = [loaded(0.0, azimuth=k) for k in range(40)]
-    read = loaded(0.0)
+    trail, read = loaded(0.0).values, loaded(0.0)
     read.values[:] += offsets
-    trail = Trail(np.array([row.values for row in true]), 1.0)
     (found,) = washed([read], trail=trail, offsets=offsets)
     assert found[3] == pytest.approx(0.0, abs=10.0)
     assert found[4] == pytest.approx(0.0, abs=1e-6)
@@ -266,18 +263,14 @@ def test_offsets_of_sensors_do_not_pass_a_washout_at_a_running_start():
 
 def test_a_washout_starts_from_the_means_of_what_was_recorded_before():
     """What is not recorded starts from the present value."""
-    rows = np.array([loaded(0.0, azimuth=k, swing=1e6).values for k in range(40)])
+    trail = loaded(0.0, swing=1e6).values
     index = [channel.name for channel in channel_table(3)].index("root_edge_moment_1")
-    rows[:, index : index + 3] = np.nan
+    trail[index : index + 3] = np.nan
     assert channel_table(3)[index + 2].name == "root_edge_moment_3"
-    (found,) = washed([loaded(0.5, swing=1e6)], trail=Trail(rows, 1.0))
+    (found,) = washed([loaded(0.5, swing=1e6)], trail=trail)
     assert found[0] == pytest.approx(5e5 + 1e6 * math.cos(0.3), rel=1e-5)
     assert found[2] == pytest.approx(0.0, abs=1.0)
     assert found[3] == pytest.approx(5e6, rel=1e-5)
-    weights = np.exp(-np.arange(2, 0, -1) / 20.0)
-    few = np.array([loaded(x).values for x in (0.0, 1.0)])
-    (found,) = washed([loaded(0.5)], trail=Trail(few, 1.0))
-    assert found[3] == pytest.approx(1e7 * (0.5 - weights[1] / weights.sum()), rel=1e-4)
 
 
 def test_a_washed_channel_says_so_and_has_no_offset():

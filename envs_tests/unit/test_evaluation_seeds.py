@@ -14,8 +14,4 @@ def test_every_seed_has_its_own_number_in_each_wind():
     assert len(set(numbers)) == len(numbers)
     assert min(numbers) == FIRST_SEED
     assert max(numbers) < 2**63
-
-
-def test_small_seeds_count_from_wind_to_wind():
-    config = EvaluationConfig(winds=WINDS, seed=7)
-    assert [config.seed_in(wind) - FIRST_SEED for wind in WINDS[:3]] == [7, 1007, 2007]
+    assert EvaluationConfig(winds=WINDS, seed=7).seed_in(WINDS[2]) == FIRST_SEED + 2007

@@ -242,58 +242,6 @@ def test_a_parameter_file_that_contradicts_itself_ends_the_simulation(line, mess
     assert message in said[0][2]
 
 
-def test_a_cut_out_of_the_parameter_file_holds(exported, tmp_path):
-    """A harder one stops in a wind in which the exported one holds back."""
-    turbine, winds = load_turbine("nrel_5mw"), [27.0] * 600
-    hard = tmp_path / "hard.in"
-    text = Path(exported(CHOICE)[2]).read_text(encoding="utf-8")
-    assert "\nsupervisor_cut_out = 30.0 " in text
-    assert "\nsupervisor_restart = 27.0 " in text
-    hard.write_text("supervisor_cut_out = 25\nsupervisor_restart = 24\nsupervisor_derate_from = 25\n", encoding="utf-8")
-    ends = []
-    for parameters in (exported(CHOICE)[2], hard):
-        files = [*exported(CHOICE)[:2], parameters]
-        rows, said = alone(files, turbine, 0.85, 0.3, 4e4, winds, lambda k, swap: None)
-        assert said == []
-        ends.append(rows[-1].pitch[0])
-    assert ends[0] < 0.5
-    assert ends[1] > 1.5
-
-
-def test_a_checkpoint_in_a_start_up_brings_another_instance_to_the_same_place(exported, tmp_path):
-    turbine, files = load_turbine("nrel_5mw"), exported(CHOICE)
-    path, rows = tmp_path / "a.checkpoint", []
-
-    def speed(k):
-        return min(max(0.005 * (k - 150), 0.0), 0.7)
-
-    def saves(k, swap):
-        rows.append(swap.copy())
-
-    alone(files, turbine, speed, 0.5 * math.pi, 0.0, [9.0] * 400, saves)
-    one, other = (Exported(files[1], turbine, files[2]) for _ in range(2))
-    for k, swap in enumerate(rows[:200]):
-        one.swap[3:41] = swap[3:41]
-        one.swap[52:75] = swap[52:75]
-        one.call(k * DT, DT)
-    for library, status in ((one, -8), (other, -9)):
-        library.input_file = str(path)
-        library.swap[49] = len(str(path)) + 1
-        library.call(20.0, DT, status)
-        assert library.flag == 0, library.message
-    demands = []
-    for k, swap in enumerate(rows[200:], 200):
-        for library in (one, other):
-            library.swap[3:41] = swap[3:41]
-            library.swap[52:75] = swap[52:75]
-        found, again = one.call(k * DT, DT), other.call(k * DT, DT, status=1)
-        assert np.array_equal(found.pitch, again.pitch)
-        assert found.generator_torque == again.generator_torque
-        demands.append(found)
-    assert demands[0].pitch[0] > 0.5
-    assert demands[-1].generator_torque > 0.0
-
-
 def test_sanitizers_find_nothing_in_supervisory_control(exported, tmp_path):
     source, _, parameters, page = exported(CHOICE)
     sanitized(source, parameters, tmp_path)

@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -94,35 +96,19 @@ def graph():
 
 
 def circles(graph):
-    """Strongly connected components of more than one node (Tarjan 1972)."""
-    order, low, stack, found = {}, {}, [], []
-
-    def visit(node):
-        order[node] = low[node] = len(order)
-        stack.append(node)
-        for target in sorted(graph[node]):
-            if target not in order:
-                visit(target)
-            if target in stack:
-                low[node] = min(low[node], low[target])
-        if low[node] == order[node]:
-            at = stack.index(node)
-            if len(stack) - at > 1:
-                found.append(set(stack[at:]))
-            del stack[at:]
-
-    for node in graph:
-        if node not in order:
-            visit(node)
-    return found
+    """Strongly connected components of more than one node."""
+    names = sorted(graph)
+    matrix = [[target in graph[name] for target in names] for name in names]
+    _, labels = connected_components(csr_array(matrix), connection="strong")
+    groups = [{name for name, label in zip(names, labels, strict=True) if label == one} for one in set(labels)]
+    return [group for group in groups if len(group) > 1]
 
 
-def test_a_circle_is_found():
+def test_circles_imports_and_private_names_are_found():
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [{"a", "b", "c"}]
     assert circles({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
-
-
-def test_every_kind_of_import_counts():
+    ours = "import os\nfrom wt_gym.base.files import (\n    _a,\n    b,\n)\nfrom wt_gym import __version__\n"
+    assert list(private_names(ours)) == [("_a", 2)]
     source = "import a.b\nfrom a import c\nif TYPE_CHECKING:\n    from a.d import X\ndef f():\n    from a.e import g\n"
     assert [name for name, _ in imports(source, {"a", "a.b", "a.c", "a.d", "a.e"})] == ["a.b", "a.c", "a.d", "a.e"]
 
@@ -157,11 +143,6 @@ def private_names(source):
             for alias in node.names:
                 if alias.name.startswith("_") and not alias.name.startswith("__"):
                     yield alias.name, node.lineno
-
-
-def test_a_private_name_is_found():
-    assert list(private_names("import os\nfrom wt_gym.base.files import (\n    _a,\n    b,\n)\n")) == [("_a", 2)]
-    assert list(private_names("from wt_gym import __version__\nfrom ctypes import _Pointer\n")) == []
 
 
 def test_private_names_stay_in_their_modules():

@@ -141,18 +141,14 @@ def test_geometry_of_a_plate():
     np.testing.assert_allclose(points[:, 4:].T, [[0.0, 0.5, 0.0], [0.0, 0.5, 3.0], [0.0, 1.5, 0.0], [0.0, 1.5, 3.0]])
 
 
+@pytest.mark.parametrize("form", [joukowski_loads, bernoulli_loads])
 @pytest.mark.parametrize("n_chord", [1, 2, 4])
-def test_lift_of_a_bound_vortex_is_that_of_kutta_and_joukowski(n_chord):
+def test_lift_of_a_bound_vortex_is_that_of_kutta_and_joukowski(n_chord, form):
     """Rings of equal strength leave one vortex at the leading side: ρ V Γ b, towards the suction side."""
-    _, forces = loads(joukowski_loads, n_chord, np.full(n_chord, 5.0), np.zeros(n_chord))
+    _, forces = loads(form, n_chord, np.full(n_chord, 5.0), np.zeros(n_chord))
     np.testing.assert_allclose(forces.sum(axis=(0, 1, 2)), [DENSITY * 30.0 * 5.0 * 3.0, 0.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(forces[0, 1:], 0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("n_chord", [1, 2, 4])
-def test_bernoulli_gives_the_same_lift_in_line_with_the_plate(n_chord):
-    _, forces = loads(bernoulli_loads, n_chord, np.full(n_chord, 5.0), np.zeros(n_chord))
-    np.testing.assert_allclose(forces.sum(axis=(0, 1, 2)), [DENSITY * 30.0 * 5.0 * 3.0, 0.0, 0.0], atol=1e-9)
+    if form is joukowski_loads:
+        np.testing.assert_allclose(forces[0, 1:], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("form", [joukowski_loads, bernoulli_loads])

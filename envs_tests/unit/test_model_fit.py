@@ -33,16 +33,6 @@ def test_gain_and_lag_of_a_plant_are_found(gain, lag):
     assert fit.values[1] == pytest.approx((1.0 + gain) * lag, abs=0.01 + 0.1 * abs(lag))
 
 
-def test_what_does_not_follow_from_the_model_averages_out():
-    rng = np.random.default_rng(2)
-    fit, (time, at) = ModelFit(1, STEP), course(6000)
-    found = []
-    for y in at(time):
-        fit.update(rng.normal(size=1), np.array([y]))
-        found.append(fit.values.copy())
-    assert np.abs(np.mean(found[1000:], axis=0)).max() < 0.1
-
-
 def test_without_an_effect_there_is_no_fit_and_a_start_forgets():
     fit = ModelFit(2, STEP)
     rng = np.random.default_rng(3)

@@ -4,6 +4,7 @@ import argparse
 import importlib.util
 import math
 import pkgutil
+from dataclasses import MISSING
 
 import numpy as np
 import pytest
@@ -158,6 +159,6 @@ def test_any_value_is_stored_in_its_form_or_refused_by_name(record, declared, va
 def test_a_default_is_allowed_and_documented(record, declared):
     assert declared.meaning
     assert not declared.meaning.endswith(".")
-    if declared.default is not None:
+    if declared.default is not None and declared.default is not MISSING:
         declared.checked(declared.default)
     assert f"{declared.name} : " in record.__doc__

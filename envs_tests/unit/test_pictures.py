@@ -1,20 +1,15 @@
 """What the pictures draw: wake, Campbell diagram, and the look they share."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import validation_pictures as pictures
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, absolute, read_record
 from envs_tests.physics.validation import Figure as CaseFigure
-from wt_gym.analysis.report import opening_agent, shown_agents
-from wt_gym.analysis.results import kept_filaments
-from wt_gym.analysis.scene import Camera, Scene, filament_weights, line_look, smooth_curves
-from wt_gym.base.picture_style import COLORS, LINE_STYLES, MARKERS, baseline, label_points
+from wt_gym.analysis.scene import Camera, Scene, filament_weights, smooth_curves
 from wt_gym.simulation.campbell import FAMILIES, CampbellDiagram, campbell_figure, mode_family, mode_label, spread
 from wt_gym.turbines import load_turbine
 
@@ -50,14 +45,9 @@ def test_curves_pass_through_the_nodes_of_rows_at_unequal_distances():
     curves = smooth_curves(nodes, 6)
     assert len(curves) == 6 * (len(rows) - 1) + 1
     np.testing.assert_allclose(curves[::6], nodes, atol=1e-9)
-
-
-def test_curves_are_round_where_straight_lines_have_corners():
-    nodes = helix(np.arange(0.0, 12.0, 0.42))
-    tips = smooth_curves(nodes, 8)[16:-16, 0, -1] - HUB
-    radii = np.hypot(tips[:, 1], tips[:, 2])
-    chord = RADIUS * np.cos(0.5 * 0.42)  # middle of a straight piece
-    assert np.abs(radii - RADIUS).max() < 0.05 * (RADIUS - chord)
+    tips = smooth_curves(helix(np.arange(0.0, 12.0, 0.42)), 8)[16:-16, 0, -1] - HUB
+    sagitta = RADIUS * (1.0 - np.cos(0.5 * 0.42))  # of a straight piece
+    assert np.abs(np.hypot(tips[:, 1], tips[:, 2]) - RADIUS).max() < 0.05 * sagitta
 
 
 @pytest.mark.parametrize("n_rows", [0, 1, 2])
@@ -82,14 +72,6 @@ def test_tips_come_before_roots_and_old_filaments_fade():
     doubled[:, 0] *= 0.5  # one blade is loaded half as much
     halves = filament_weights(doubled, shapes["wake"], HUB)
     np.testing.assert_allclose(halves[:, 0, -1], 0.5 * halves[:, 1, -1])
-
-
-def test_widths_and_opacities_follow_the_weight():
-    weights = np.linspace(0.0, 1.0, 11)
-    widths, opacities = line_look(weights)
-    assert np.all(np.diff(widths) > 0.0)
-    assert np.all(np.diff(opacities) > 0.0)
-    assert opacities[-1] == 1.0
 
 
 def test_scene_draws_filaments_on_both_sides_of_the_tower_with_widths_by_strength():
@@ -128,11 +110,9 @@ def test_camera_looks_from_above():
     ("name", "family", "label"),
     [
         ("flap_1 regressive", "blade flap", "blade flap 1, regressive"),
-        ("edge_2 collective", "blade edge", "blade edge 2, collective"),
         ("torsion_1", "tower torsion", "tower torsion 1"),
         ("torsion_1 progressive", "blade torsion", "blade torsion 1, progressive"),
         ("shaft_torsion", "drivetrain torsion", "drivetrain torsion"),
-        ("fore_aft_2", "tower fore-aft", "tower fore-aft 2"),
         ("side_side_1", "tower side-side", "tower side-side 1"),
         ("platform_surge", "platform_surge", "platform surge"),
     ],
@@ -189,14 +169,6 @@ def test_damping_axis_spreads_what_is_lightly_damped_and_marks_what_is_unstable(
     assert damping.get_ylim()[0] < -0.4
 
 
-def test_style_tells_apart_by_color_marker_and_line():
-    assert len(set(COLORS)) == len(set(MARKERS)) == len(set(map(str, LINE_STYLES))) == 7
-    axes = Figure().add_subplot()
-    baseline(axes, 2.0, "published controller")
-    assert axes.lines[0].get_ydata()[0] == 2.0
-    assert axes.texts[0].get_text() == "published controller"
-
-
 def check(expected, obtained, tolerance, quantity="x"):
     return Check(quantity, expected, obtained, tolerance).as_dict()
 
@@ -223,11 +195,9 @@ def test_bars_measure_errors_in_tolerances(checks, margin):
 def test_bars_of_the_record_tell_failed_cases():
     record = read_record(ROOT / "docs" / "data" / "validation.json")
     axes = pictures.draw_cases(record).axes
-    names = [label.get_text() for part in axes for label in part.get_yticklabels()]
-    assert sorted(names) == sorted(record)
-    shown = [text.get_text() for part in axes for text in part.texts]
-    assert len(shown) == sum(not case["passed"] for case in record.values())
-    assert all(" fail" in text for text in shown)
+    assert sorted(label.get_text() for part in axes for label in part.get_yticklabels()) == sorted(record)
+    texts = [text.get_text() for part in axes for text in part.texts]
+    assert len(texts) == sum(not case["passed"] for case in record.values())
 
 
 def test_panels_show_expected_and_obtained_values_with_their_tolerance():
@@ -255,50 +225,3 @@ def test_curves_are_few_points_and_keep_their_ends():
     assert (curve["x"][0], curve["x"][-1]) == (0.0, 10.0)
     assert pictures.look("o", 0, over_time=True)["marker"] is None  # markers of a time series hide each other
     assert pictures.look("o", 0)["linestyle"] == "none"
-
-
-def test_pictures_of_the_page_are_drawn_from_the_data_that_are_there():
-    page = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
-    for name in (*pictures.PICTURES, "validation_cases"):
-        path = ROOT / "docs" / "data" / f"{name}.svg"
-        assert (f"data/{name}.svg" in page) == path.exists()
-        if path.exists():
-            assert path.stat().st_size < 200_000
-
-
-def test_names_of_points_do_not_cover_each_other():
-    figure = Figure(figsize=(6, 4))
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    points = [(1.0, 1.0), (1.05, 1.0), (1.0, 1.05), (3.0, 2.0)]
-    axes.plot(*zip(*points, strict=True), "o")
-    axes.set(xlim=(0, 4), ylim=(0, 3))
-    texts = ["controller one", "controller two", "controller three", "far"]
-    notes = label_points(axes, points, texts, ["k"] * 4)
-    boxes = [note.get_window_extent() for note in notes]
-    for k, box in enumerate(boxes):
-        assert not any(box.overlaps(other) for other in boxes[k + 1 :])
-    at = axes.transData.transform(points)
-    assert all(not box.contains(*place) for box in boxes for place in at)
-
-
-def test_replay_opens_on_the_trained_agent_with_the_lowest_load(monkeypatch):
-    changes = {"good": -0.4, "better": -0.5, "by hand": -0.9}
-    monkeypatch.setattr(
-        "wt_gym.analysis.report.paired_change",
-        lambda evaluation, agent, key, speed: SimpleNamespace(value=changes[agent]),
-    )
-    evaluation = SimpleNamespace(training={"good": {}, "better": {}}, speeds=[15.0], baseline="base")
-    agents = ["base", "a", "b", "c", "better", "good", "by hand"]
-    assert opening_agent(evaluation, agents) == "better"
-    assert shown_agents(evaluation, agents, "better") == {"base", "better", "a", "b"}
-    assert opening_agent(evaluation, ["base", "by hand"]) == "by hand"  # the last that was asked for
-
-
-def test_replay_keeps_filaments_near_the_tip():
-    kept = kept_filaments(17)
-    assert kept[0] == 0
-    assert kept[-1] == 16
-    assert len(kept) <= 5
-    assert np.all(np.diff(np.diff(kept)) <= 0)  # closer towards the tip
-    assert kept_filaments(3).tolist() == [0, 1, 2]

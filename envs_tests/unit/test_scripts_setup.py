@@ -84,10 +84,12 @@ def test_a_moved_or_copied_clone_is_brought_up_to_date_in_place(clone, move):
     assert calls(other) == []
 
 
-@pytest.mark.parametrize("name", ["pyproject.toml", "constraints.txt"])
-def test_other_requirements_are_installed(clone, name):
+@pytest.mark.parametrize("name", ["pyproject.toml", "constraints.txt", ".venv/bin/python"])
+def test_other_requirements_and_a_lost_interpreter_are_installed(clone, name):
     calls(clone)
-    (clone / name).write_text("another version")
+    (clone / name).unlink()
+    if not name.startswith(".venv"):
+        (clone / name).write_text("another version")
     assert len(calls(clone)) == WHOLE
 
 
@@ -99,9 +101,3 @@ def test_an_interrupted_set_up_is_made_anew(clone):
     assert len(calls(clone)) == WHOLE
     assert not (clone / ".venv" / "half").exists()
     assert calls(clone) == []
-
-
-def test_an_environment_without_its_interpreter_is_set_up(clone):
-    calls(clone)
-    (clone / ".venv" / "bin" / "python").unlink()
-    assert len(calls(clone)) == WHOLE

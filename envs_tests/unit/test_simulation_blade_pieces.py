@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.base.errors import SimulationError
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.multibody.tree.point_kernels import point_motion
@@ -101,14 +100,6 @@ def test_the_undeformed_lattice_is_that_of_one_body(turbines):
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-def test_every_lattice_node_has_one_carrier(turbines):
-    _, _, several, nodes = turbines
-    sub_bodies = several.sub_body_nodes
-    carried = np.concatenate([row[:n] for row, n in zip(sub_bodies.node, sub_bodies.count, strict=True)])
-    np.testing.assert_array_equal(np.sort(carried), np.arange(len(nodes)))
-    assert several.lattice_bodies.tolist() == [body for parts in several.parts for body in parts]
-
-
 def test_pieces_weigh_as_much_as_the_blade(turbines):
     _, one, several, _ = turbines
     for structure in (one, several):
@@ -133,24 +124,3 @@ def test_a_bent_piece_carries_those_behind_it(turbines):
     before, after = (np.linalg.norm(x[pairs[1]] - x[pairs[0]], axis=1) for x in (straight, bent))
     np.testing.assert_allclose(after, before, atol=1e-9)
     assert np.linalg.norm(bent[outer] - straight[outer], axis=1).max() > 5.0
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"blade_coordinates": "rigid"}, "several bodies must have 'modal' or 'nodal'"),
-        ({"integrator": "hamming"}, "an implicit integrator"),
-        ({"blade_bodies": 0}, "blade_bodies is 0; must be a whole number"),
-        ({"blade_bodies": 2.5}, "blade_bodies is 2.5"),
-        ({"spectral_radius": 1.5}, "spectral_radius is 1.5; must be None or in"),
-    ],
-)
-def test_pieces_without_meaning_are_refused(change, message):
-    with pytest.raises(SimulationError, match=message):
-        replace(PIECES, **change)
-
-
-def test_more_pieces_than_elements_are_refused():
-    turbine = load_turbine("nrel_5mw")
-    with pytest.raises(SimulationError, match="make at most as many bodies"):
-        build_structure(turbine, replace(PIECES, blade_bodies=30), np.zeros((1, 3)))

@@ -1,7 +1,5 @@
 """Hyperparameters from YAML: those of the package, layers of files and options, and what is refused."""
 
-from pathlib import Path
-
 import pytest
 from stable_baselines3.common.utils import LinearSchedule
 
@@ -14,16 +12,6 @@ from wt_gym.learning.search import tried
 from wt_gym.tasks import TASKS
 
 TASK, STEADY = "wt_gym/LoadReduction-v2", "wt_gym/NREL5MW-Steady-v1"
-
-
-def test_ppo_starts_with_what_was_found_for_load_reduction():
-    values = hyperparameters_for("PPO", TASK)
-    measured = {
-        "gamma": 0.995, "rollout_steps": 2048, "batch_size": 256, "n_epochs": 6, "learning_rate": 4e-4,
-        "gae_lambda": 0.97, "log_std_init": -0.9, "net_arch": [64, 64], "normalize_observations": False,
-    }  # fmt: skip
-    assert values == measured | {"normalize_rewards": True}
-    assert TrainingConfig(env_id=TASK).resolved == values
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -77,13 +65,10 @@ def test_steps_between_updates_are_shared_by_the_copies_or_counted_for_each(tmp_
     ("text", "message"),
     [
         ("default: [", "not valid YAML"),
-        ("", "must map environment ids"),
         ("[1, 2]", "must map environment ids"),
         ("default: 5", "section 'default' of PPO: .* must be .* a mapping"),
         ("default:\n  gama: 0.9", "no option 'gama'; did you mean 'gamma'"),
         ("default:\n  tau: 0.9", "section 'default' of PPO: hyperparameters has no option 'tau'"),
-        ("default:\n  gamma: 1.5", "gamma must be a number from 0 to 1, got 1.5"),
-        ("default:\n  gamma: null", "gamma must be a number from 0 to 1, got None"),
         ("default: {n_steps: 64, rollout_steps: 512}", "steps must be given once, got rollout_steps .* and n_steps"),
         ("default:\n  learning_rate: lin_fast", "learning_rate must be a number .* or lin_"),
         ("default:\n  net_arch: []", "net_arch must have one to eight layers"),
@@ -97,8 +82,3 @@ def test_files_that_are_refused(text, message, tmp_path):
     with pytest.raises(ValueError, match=message) as caught:
         read_hyperparameters(file, "PPO", TASK)
     assert "\n" not in str(caught.value)
-
-
-def test_every_algorithm_has_its_file():
-    folder = Path(__file__).parents[2] / "agents" / "hyperparameters"
-    assert {path.stem for path in folder.glob("*.yml")} == {name.lower() for name in ALGORITHMS}

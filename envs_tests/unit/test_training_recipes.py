@@ -51,18 +51,9 @@ def test_typed_options_of_a_pretraining_take_the_place_of_single_ones():
     ("words", "message"),
     [
         (["--env", "wt_gym/LoadReduction-v1"], r"did you mean '?wt_gym/LoadReduction-v2"),
-        (["--env", "wt_gym/NREL5MW-Steady-v1"], "must be one of .*wt_gym/LoadReduction-v2"),
         (["--env", "LoadReduction"], "must be one of .*wt_gym/LoadReduction-v2"),
     ],
 )
 def test_environments_without_a_recipe_are_refused(words, message):
     with pytest.raises(SystemExit, match=message):
         parse_command("train", ["--recipe", *words])
-
-
-@pytest.mark.parametrize("words", [["--config", "mine.yml"], ["--resume", "runs/ppo"]])
-def test_a_recipe_is_given_alone(words, capsys):
-    with pytest.raises(SystemExit) as caught:
-        parse_command("train", ["--recipe", *words])
-    assert caught.value.code == 2
-    assert "--recipe" in capsys.readouterr().err

@@ -31,11 +31,7 @@ class MadeUp:
         for steps in (100, 200, 300):
             if not on_evaluation(steps, {"episode_return": final}):
                 return {"status": "stopped"}
-        return {
-            "status": "finished",
-            "stopped_by": None,
-            "evaluation": {"curve": {"episode_return": [final - 1.0, final]}},
-        }
+        return {"status": "finished", "evaluation": {"curve": {"episode_return": [final - 1.0, final]}}}
 
 
 @pytest.fixture

@@ -143,21 +143,6 @@ def test_clusters_do_act_and_spare_most_segments():
     assert 0 < clusters + 9 * tiles < 0.1 * targets.shape[1]
 
 
-def test_a_mirrored_wake_induces_the_mirrored_velocity():
-    sheet = SHEETS["helix"]
-    targets = some_targets(sheet)
-    mirrored = sheet.copy()
-    mirrored[..., 2] *= -1.0
-    # A mirror turns the sense of rotation round.
-    mirrored[..., 3] *= -1.0
-    mirrored[..., 5] *= -1.0
-    image = targets * np.float32([[1.0], [1.0], [-1.0]])
-    velocity = tree_velocity(sheet, targets, 1e-3)
-    other = tree_velocity(mirrored, image, 1e-3)
-    other[2] *= -1.0
-    assert rms(velocity - other) < 2e-3
-
-
 @pytest.mark.parametrize("shape", [(1, 1, 2), (2, 1, 1), (4, 3, 7), (3, 1, 3)])
 @pytest.mark.parametrize("n", [1, 15, 65])
 def test_sheets_and_target_lists_of_any_size(shape, n):

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.simulation.contract import fingerprint
@@ -42,15 +40,6 @@ def test_camber_line_of_vertical_thickness_is_exact(m, p, t):
     assert thickness == pytest.approx(t, rel=2e-3)
 
 
-@pytest.mark.parametrize("points", [30, 60, 200])
-def test_camber_line_of_naca_2412(points):
-    x, camber, _ = camber_line(naca4_contour(0.02, 0.4, 0.12, n=points))
-    # NACA lays the thickness off across the camber line, so the mean of the surfaces differs a little near the nose.
-    inside = x > 0.05
-    np.testing.assert_allclose(camber[inside], naca4_camber(x, 0.02, 0.4)[0][inside], atol=1e-3)
-    assert np.max(camber) == pytest.approx(0.02, abs=3e-4)
-
-
 def test_camber_of_a_circle_and_of_its_stretched_forms_is_zero():
     angle = np.linspace(0, 2 * np.pi, 101)
     for height in (1.0, 0.6):
@@ -82,33 +71,14 @@ def test_slope_of_the_camber_line():
         airfoil.camber_at(1.2)
 
 
-@pytest.mark.parametrize("name", ["DU21_A17", "NACA64_A17"])
-def test_camber_of_the_nrel_sections_gives_their_zero_lift_angle(name):
-    """Thin-airfoil theory: alpha_0 = -1/pi int dz/dx (cos t - 1) dt (Anderson, eq. 4.61)."""
-    airfoil = next(a for a in load_turbine("nrel_5mw").blade.airfoils if a.name == name)
-    t = np.linspace(0.02, np.pi - 0.02, 400)
-    slope = airfoil.camber_at(0.5 * (1 - np.cos(t)))[1]
-    theory = -np.trapezoid(slope * (np.cos(t) - 1), t) / np.pi
-    near = np.abs(airfoil.polar.alpha) < np.radians(8)
-    measured = np.interp(0.0, airfoil.polar.cl[near], airfoil.polar.alpha[near])
-    assert theory < 0.0
-    assert theory == pytest.approx(measured, abs=np.radians(1.3))
-
-
 def flat_polar(scale: float = 1.0) -> Polar:
     alpha = np.radians(np.linspace(-180, 180, 73))
     return Polar(alpha, scale * np.sin(2 * alpha), scale * (1 - np.cos(2 * alpha)), scale * 0.1 * np.sin(alpha))
 
 
-@given(st.floats(-20.0, 20.0))
-def test_polar_is_periodic(angle):
-    polar = flat_polar()
-    here, there = polar.coefficients(angle), polar.coefficients(angle + 2 * np.pi)
-    np.testing.assert_allclose(here, there, atol=1e-10)
-
-
-def test_polar_is_exact_at_its_points_and_linear_between():
-    polar = flat_polar()
+def test_polar_is_periodic_exact_at_its_points_and_linear_between():
+    polar, angle = flat_polar(), np.linspace(-20.0, 20.0, 101)
+    np.testing.assert_allclose(polar.coefficients(angle), polar.coefficients(angle + 2 * np.pi), atol=1e-10)
     np.testing.assert_array_equal(polar.coefficients(polar.alpha)[0], polar.cl)
     middle = 0.5 * (polar.alpha[1:] + polar.alpha[:-1])
     np.testing.assert_allclose(polar.coefficients(middle)[1], 0.5 * (polar.cd[1:] + polar.cd[:-1]), atol=1e-14)
@@ -142,10 +112,7 @@ def test_blend_of_airfoils_is_linear_in_camber_and_thickness():
     ("change", "named"),
     [
         ({"alpha": np.radians(np.linspace(-90, 90, 5))}, "Polar.alpha"),
-        ({"alpha": np.radians([-180, 0, 0, 90, 180])}, r"Polar.alpha\[2\]"),
-        ({"cl": np.zeros(4)}, "Polar.cl"),
         ({"cd": [0, np.nan, 0, 0, 0]}, r"Polar.cd\[1\]"),
-        ({"cm": "steep"}, "Polar.cm"),
     ],
 )
 def test_wrong_polars_are_refused(change, named):
@@ -236,16 +203,3 @@ def test_polars_of_unknown_origin_are_corrected_with_a_warning():
         rotating = unknown.with_rotational_augmentation("snel", tip_speed_ratio=8.0)
     assert "taken as two-dimensional" in rotating.notes[-1]
     assert rotating.blade.augmentation == RotationalAugmentation("snel", 0.5 * iea.rotor_diameter, 8.0)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"model": "lindenburg"}, "'du-selig'"),
-        ({"tip_speed_ratio": 0.0}, "tip_speed_ratio"),
-        ({"rotor_radius": -1.0}, "rotor_radius"),
-    ],
-)
-def test_wrong_augmentations_are_refused(change, message):
-    with pytest.raises(TurbineDefinitionError, match=message):
-        RotationalAugmentation(**({"model": "snel", "rotor_radius": RADIUS, "tip_speed_ratio": RATIO} | change))

@@ -12,7 +12,7 @@ from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.simulation.turbine_structure import tower_beam
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import Turbine, catalogue, load_turbine
-from wt_gym.turbines.catalogue import nada_data, nada_speed, plate_polar
+from wt_gym.turbines.catalogue import nada_data, plate_polar
 
 
 @pytest.fixture(scope="module")
@@ -38,71 +38,31 @@ def test_importing_the_package_does_not_import_windio():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_nrel_blade_mass_properties(nrel):
+def test_nrel_mass_properties(nrel):
     """NREL/TP-500-38060, Table 2-2."""
     structure = nrel.blade.structure
     mass, first, second = (structure.mass_moment(k) for k in range(3))
     assert mass == pytest.approx(17740, rel=1e-6)
     assert first == pytest.approx(363231, rel=5e-3)
     assert second == pytest.approx(11776047, rel=5e-3)
-    assert first / mass == pytest.approx(20.475, rel=5e-3)
+    tower = nrel.tower.structure  # section 6; the table has 11 stations
+    assert tower.mass_moment(0) == pytest.approx(347460, rel=1e-4)
+    assert tower.mass_moment(1) / tower.mass_moment(0) == pytest.approx(38.234, rel=2e-3)
 
 
-def test_nrel_tower_mass_properties(nrel):
-    """NREL/TP-500-38060, section 6; the table has 11 stations."""
-    structure = nrel.tower.structure
-    assert structure.mass_moment(0) == pytest.approx(347460, rel=1e-4)
-    assert structure.mass_moment(1) / structure.mass_moment(0) == pytest.approx(38.234, rel=2e-3)
-    assert nrel.tower.diameter_at([0.0, 43.8, 87.6]) == pytest.approx([6.0, 4.935, 3.87])
-
-
-def test_nrel_geometry(nrel):
-    nacelle, blade = nrel.nacelle, nrel.blade
-    assert nrel.tower.height == pytest.approx(87.6)
-    assert nacelle.overhang == pytest.approx(5.0191, abs=1e-5)
-    assert nacelle.tower_top_to_shaft == pytest.approx(1.96256, abs=1e-5)
-    apex = nrel.tower.height + nacelle.tower_top_to_shaft + nacelle.overhang * np.sin(nacelle.tilt)
-    assert apex == pytest.approx(90.0, abs=1e-3)
-    assert 2 * (blade.root_radius + blade.length) == pytest.approx(126.0)
-    assert nrel.rotor_diameter == 126.0
-    assert nrel.hub.cone == pytest.approx(np.radians(2.5))
-    assert nrel.rated_wind_speed == 11.4
-
-
-def test_nrel_drivetrain_and_nacelle(nrel):
+def test_nrel_numbers_outside_the_blade(nrel):
     d, n = nrel.drivetrain, nrel.nacelle
     assert d.rated_power / d.generator_efficiency == pytest.approx(5296610, rel=1e-6)
     rated_torque = d.rated_power / d.generator_efficiency / (d.rated_rotor_speed * d.gear_ratio)
     assert rated_torque == pytest.approx(43093.55, rel=1e-5)
     assert d.generator_inertia * d.gear_ratio**2 == pytest.approx(5025500, rel=1e-4)
     assert n.inertia[2, 2] + n.mass * n.cm[0] ** 2 == pytest.approx(2607890)
+    apex = nrel.tower.height + n.tower_top_to_shaft + n.overhang * np.sin(n.tilt)
+    assert (nrel.tower.height, n.overhang, apex) == pytest.approx((87.6, 5.0191, 90.0), abs=1e-3)
     assert (nrel.blade.damping_ratio, nrel.tower.damping_ratio) == (0.00477465, 0.01)
     assert nrel.pitch.max_rate == pytest.approx(np.radians(8))
     assert n.max_yaw_rate == pytest.approx(np.radians(0.3))
     assert [note for note in nrel.notes if not note.startswith("control: ")] == []  # nothing was assumed
-
-
-def test_edgewise_is_the_stiff_direction_and_twist_turns_it(nrel):
-    """Edge bending moves the blade along y, so it turns sections about x; a twisted section couples both."""
-    stiffness = nrel.blade.structure.stiffness
-    assert np.all(stiffness[10:, 3, 3] > stiffness[10:, 4, 4])
-    assert stiffness[-5, 3, 3] > 10 * stiffness[-5, 4, 4]
-    # The stiff axis is the normal of the chord: positive twist turns it from x towards -y (leading edge upwind).
-    i = 20
-    values, vectors = np.linalg.eigh(stiffness[i, 3:5, 3:5])
-    stiff = vectors[:, 1] * np.sign(vectors[0, 1])
-    twist = np.radians(9.11)  # StrcTwst at 23.7 m
-    np.testing.assert_allclose(stiff, [np.cos(twist), -np.sin(twist)], atol=1e-6)
-    np.testing.assert_allclose(values, [1588.71e6, 3995.28e6], rtol=1e-6)
-    assert nrel.blade.structure.shear_rigid
-
-
-def test_center_of_mass_lies_behind_the_pitch_axis(nrel):
-    inertia = nrel.blade.structure.inertia[20]
-    x, y = -inertia[2, 4] / inertia[0, 0], inertia[2, 3] / inertia[0, 0]
-    assert y > 0.0
-    assert x > 0.0  # with positive twist the trailing edge lies downwind
-    assert np.hypot(x, y) == pytest.approx(0.19934, rel=1e-6)
 
 
 def test_nrel_planform_at_its_stations(nrel):
@@ -201,15 +161,6 @@ def test_unknown_turbine_names_the_catalogue(name):
 NADA, NADA_DATA = load_turbine("nada_small"), nada_data()
 
 
-def test_sizes_of_nada_are_those_of_the_data():
-    assert NADA.rotor_diameter == pytest.approx(0.5)
-    assert NADA.hub_height == pytest.approx(0.6)
-    assert NADA.tower.diameter.tolist() == [0.01, 0.01]
-    assert NADA.nacelle.overhang == NADA_DATA["stand_in"]["hub"]["overhang_m"]
-    assert NADA.blade.chord_at(np.array([0.0, 0.22])) == pytest.approx([0.05, 0.025])
-    assert np.degrees(NADA.blade.twist_at(np.array([0.0, 0.22]))) == pytest.approx([18.0, 2.0])
-
-
 def test_masses_of_nada():
     """Copper rod ρ A L; strip ρ t c L of mean chord 37.5 mm; all on the tower top together 0.25 kg."""
     tower, blade = NADA.tower.structure, NADA.blade.structure
@@ -255,10 +206,3 @@ def test_polar_of_a_plate():
     assert drag[2] == pytest.approx(1.0 / (0.222 + 0.283), rel=1e-6)
     assert moment[2] == pytest.approx(-0.25 * drag[2], rel=1e-6)
     assert moment[3] == pytest.approx(-0.5 * 2.0 * np.pi * np.sin(np.radians(2.0)), rel=0.01)
-
-
-def test_rated_of_nada_is_the_test():
-    drive = NADA.drivetrain
-    assert nada_speed() == 160.0
-    assert drive.rated_power == pytest.approx(drive.generator_damping * 160.0**2)
-    assert NADA.rated_wind_speed == NADA_DATA["published"]["test_wind_speed_m_s"] == 8.0

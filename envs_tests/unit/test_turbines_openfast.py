@@ -1,25 +1,18 @@
 """Reading OpenFAST models: signs and frames, both blade structures, releases of the files, and what is refused."""
 
-import importlib.util
 import json
 import re
-import tempfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
-from hypothesis import strategies as st
-from openfast_model import DEGREE, Model, principal, with_few_points
+from openfast_model import DEGREE, Model, principal
 
-from wt_gym.base.errors import SimulationError, TurbineDefinitionError
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.commands import run as run_command
 from wt_gym.control.controllers import make_controller
-from wt_gym.experiment.steady_check import SteadyRun, _run, steady_winds, verdict
+from wt_gym.experiment.steady_check import SteadyRun, steady_winds, verdict
 from wt_gym.simulation.contract import fingerprint
-from wt_gym.structure.beam import Beam, BeamSections
-from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import ControlData, load_turbine
 from wt_gym.turbines.airfoil import Polar
 from wt_gym.turbines.openfast import compare_with_openfast_io, read_openfast
@@ -150,23 +143,6 @@ class TestTheSameTurbine:
         assert made.smoothing_time_constant == pytest.approx(1.0 / shifts[2] if shifts[2] else 5.0)
 
 
-def clamped(sections, **kinds):
-    """Frequencies [Hz] of a beam along a straight axis, by kind of mode and number."""
-    axis = np.column_stack((np.zeros((sections.station.size, 2)), sections.station))
-    beam = Beam(BeamSections(sections.station, sections.stiffness, sections.inertia, axis), 24)
-    modes = clamped_modes(beam, 8)
-    return np.concatenate([modes.frequency[select_modes(modes, **{kind: n})[:n]] for kind, n in kinds.items()])
-
-
-def test_frequencies_within_one_percent(nrel_5mw, model, tmp_path):
-    """The ElastoDyn blade lacks the offsets of the centers of mass, its tower nothing that bends."""
-    read = load_turbine(model.write(tmp_path))
-    found, wanted = read.blade.structure, nrel_5mw.blade.structure
-    np.testing.assert_allclose(clamped(found, flap=2, edge=1), clamped(wanted, flap=2, edge=1), rtol=0.01)
-    found, wanted = read.tower.structure, nrel_5mw.tower.structure
-    np.testing.assert_allclose(clamped(found, flap=2, edge=2), clamped(wanted, flap=2, edge=2), rtol=1e-3)
-
-
 class TestWhatTheFilesSay:
     """Factors, prebend, tables, coordinates, switches."""
 
@@ -221,7 +197,7 @@ class TestWhatTheFilesSay:
     def test_tables_in_the_wrong_order(self, model, nrel_5mw, tmp_path):
         polar = nrel_5mw.blade.airfoils[-1].polar
         model.tables[7], model.aerodyn["AFTabMod"] = [(9.0, 0, polar), (1.0, 0, polar)], 2
-        with pytest.raises(TurbineDefinitionError, match=r"af7\.dat: Re: got .*ascend from table to table"):
+        with pytest.raises(TurbineDefinitionError, match=r"af7\.dat: Re must be .* ascend from table to table"):
             load_turbine(model.write(tmp_path))
 
     def test_a_section_without_coordinates_has_the_camber_of_its_polar(self, model, tmp_path):
@@ -286,14 +262,12 @@ class TestWhatTheFilesSay:
         assert (read.drivetrain.rated_power, read.control) == (5.0e6, None)
         assert notes_with(read, "the initial 12.1 rpm (RotSpeed) is taken")
 
-    @pytest.mark.parametrize("speed", [0.001, 9999.9])
-    def test_a_torque_law_without_rating(self, model, speed, tmp_path):
+    def test_a_torque_law_without_rating(self, model, tmp_path):
         """Models for linearization: constant torque, at a rated speed of nothing."""
-        model.servodyn |= {"PCMode": 0, "VSContrl": 1, "VS_RtGnSp": speed, "VS_RtTq": 43093.55}
-        with pytest.raises(
-            TurbineDefinitionError, match=rf"VS_RtGnSp {speed:g} rpm is not a rated speed.*--rated-power"
-        ):
-            load_turbine(model.write(tmp_path))
+        for speed in (0.001, 9999.9):
+            model.servodyn |= {"PCMode": 0, "VSContrl": 1, "VS_RtGnSp": speed, "VS_RtTq": 43093.55}
+            with pytest.raises(TurbineDefinitionError, match=rf"VS_RtGnSp {speed:g} rpm is not a rated.*--rated-power"):
+                load_turbine(model.write(tmp_path))
 
     def test_a_controller_of_the_pitch_alone(self, model, tmp_path):
         """PCMode 5 with VSContrl 1: constant torque at the speed that ROSCO's pitch holds."""
@@ -318,9 +292,6 @@ class TestWhatTheFilesSay:
         drive = load_turbine(model.write(tmp_path)).drivetrain
         stiffest = 2.0 * np.pi * 100.0  # of all that a simulation lets twist [rad/s]
         assert drive.spring > stiffest**2 * drive.generator_inertia * drive.gear_ratio**2
-        model.elastodyn["DrTrDOF"] = "True"
-        with pytest.raises(TurbineDefinitionError, match=r"DTTorSpr: got 0\.0, must be a number above 0"):
-            load_turbine(model.write(tmp_path))
 
     @pytest.mark.parametrize(("angle", "size"), [(-175.0, -0.0035), (-175.0, -0.5), (3.0, -0.0035)])
     def test_negative_drag(self, model, nrel_5mw, angle, size, tmp_path):
@@ -335,7 +306,9 @@ class TestWhatTheFilesSay:
         lines[at] = " ".join([*words[:2], str(size), *words[3:]])
         file.write_text("\n".join(lines))
         if size < -0.05 or angle > -90.0:
-            with pytest.raises(TurbineDefinitionError, match=rf"af7\.dat: table 1: Polar\.cd.* at .* deg: got {size}"):
+            with pytest.raises(
+                TurbineDefinitionError, match=rf"af7\.dat: table 1: Polar\.cd.* at .* deg must .* got {size}"
+            ):
                 load_turbine(path)
             return
         read = load_turbine(path)
@@ -347,7 +320,7 @@ class TestWhatTheFilesSay:
         path = model.write(tmp_path)
         assert read_openfast(path, blade="beamdyn").blade.structure.shear_rigid is False
         assert notes_with(read_openfast(path), "BeamDyn's, which the model has too, are left aside")
-        with pytest.raises(TurbineDefinitionError, match="blade: got 'fast'"):
+        with pytest.raises(TurbineDefinitionError, match="blade must be"):
             read_openfast(path, blade="fast")
 
     def test_a_mirrored_rotor_turns_counter_clockwise(self, model, tmp_path):
@@ -359,18 +332,6 @@ class TestWhatTheFilesSay:
         assert notes_with(other, "MirrorRotor: True")
         same = replace(other, rotation="clockwise", notes=clockwise.notes)
         assert fingerprint(same) == fingerprint(clockwise)
-
-    def test_what_is_left_aside_is_named(self, model, tmp_path):
-        model.primary |= {"CompHydro": 1, "CompMooring": 3}
-        model.elastodyn |= {"PtfmSgDOF": "True", "DrTrDOF": "False"}
-        model.servodyn["NumBStC"] = 2
-        model.discon |= {"IPC_ControlMode": 1, "PC_GS_KD": "0 0.1 0"}
-        notes = "\n".join(load_turbine(model.write(tmp_path)).notes)
-        for text in (
-            "CompHydro", "CompMooring", "motion of the platform", "clamped at its base", "DrTrDOF", "NumBStC",
-            "IPC_ControlMode", "PC_GS_KD", "roll", "cut-in", "IEC class", "bends only",
-        ):  # fmt: skip
-            assert text in notes
 
 
 LEFT_ASIDE = [
@@ -395,39 +356,50 @@ LEFT_ASIDE = [
     ("aerodyn", "Wake_Mod", 0, "AeroDyn's models"),
     ("aerodyn", "TipLoss", "F", "AeroDyn's models"),
     ("aerodyn", "Buoyancy", "T", "buoyancy"),
+    ("primary", "CompHydro", 1, "loads of the water"),
+    ("primary", "CompMooring", 3, "clamped at its base"),
+    ("servodyn", "NumBStC", 2, "dampers of the blades"),
+    ("discon", "IPC_ControlMode", 1, "individual pitch control"),
+    ("discon", "PC_GS_KD", "0 0.1 0", "no derivative part"),
 ]
+ASSUMED = ("clamped at its base", "DrTrDOF is False", "roll", "cut-in", "IEC class", "bends only")
 
 
-@pytest.mark.parametrize(("part", "key", "value", "words"), LEFT_ASIDE)
-def test_what_has_no_effect_here_is_named(model, part, key, value, words, tmp_path):
-    def notes():
-        return [note for note in load_turbine(model.write(tmp_path)).notes if re.search(words, note)]
-
-    before = notes()
-    getattr(model, part)[key] = value
-    assert [note for note in notes() if key in note and note not in before]
+def test_what_has_no_effect_here_is_named(model, tmp_path):
+    before = load_turbine(model.write(tmp_path)).notes
+    model.elastodyn |= {"PtfmSgDOF": "True", "DrTrDOF": "False"}
+    for part, key, value, _ in LEFT_ASIDE:
+        getattr(model, part)[key] = value
+    after = [note for note in load_turbine(model.write(tmp_path)).notes if note not in before]
+    for _, key, _, words in LEFT_ASIDE:
+        assert any(key in note and re.search(words, note) for note in after), key
+    for words in ASSUMED:
+        assert any(words in note for note in (*before, *after)), words
 
 
 REFUSED = [
-    ("primary", "MHK", 2, "MHK: got '2', must be 0"),
-    ("primary", "NRotors", 2, "NRotors: got 2, must be 1"),
-    ("primary", "CompElast", 3, "CompElast: got 3"),
-    ("primary", "CompAero", 1, "CompAero: got 1, must be 2"),
+    ("primary", "MHK", 2, "MHK must be 0"),
+    ("primary", "NRotors", 2, "NRotors must be 1, got 2"),
+    ("primary", "CompElast", 3, "CompElast must be .* got 3"),
+    ("primary", "CompAero", 1, "CompAero must be 2"),
     ("primary", "EDFile", '"other.dat"', "there is no such file"),
-    ("elastodyn", "OverHang", 5.0, "OverHang: got 5.0, must be a negative number"),
-    ("elastodyn", "PreCone(2)", -2.0, "PreCone: got .* the same cone for all blades"),
-    ("elastodyn", "TipMass(3)", 20.0, r"TipMass\(3\): got 20.0"),
-    ("elastodyn", "Furling", "True", "Furling: got True"),
-    ("elastodyn", "NacYIner", 1000.0, "NacYIner: got 1000.0, must be at least"),
-    ("elastodyn", "HubMass", "heavy", "ed.dat: HubMass: got 'heavy', must be a finite number"),
+    ("elastodyn", "OverHang", 5.0, "OverHang must be a negative number"),
+    ("elastodyn", "PreCone(2)", -2.0, "PreCone must be the same cone"),
+    ("elastodyn", "TipMass(3)", 20.0, r"TipMass\(3\) must be 0"),
+    ("elastodyn", "Furling", "True", "Furling must be False"),
+    ("elastodyn", "NacYIner", 1000.0, "NacYIner must be at least"),
+    ("elastodyn", "HubMass", "heavy", "ed.dat: HubMass must be a finite number, got 'heavy'"),
     ("elastodyn", "BldFile2", '"another.dat"', "the same file for all blades"),
-    ("elastodyn", "TipRad", 70.0, "BlSpn: got .* TipRad - HubRad = 68.5 m"),
-    ("elastodyn", "TowerHt", -1.0, "TowerHt: got -1.0, must be a height above"),
-    ("primary", "AirDens", -1.0, "AirDens: got -1.0"),
+    ("elastodyn", "TipRad", 70.0, "BlSpn must be .* TipRad - HubRad = 68.5 m"),
+    ("elastodyn", "TowerHt", -1.0, "TowerHt must be a height above"),
+    ("primary", "AirDens", -1.0, "AirDens must be .* got -1.0"),
     ("discon", "VS_RtPwr", 0.0, "rated power .* got 0.0"),
     ("discon", "VS_GenEff", 0.944, "efficiency of the generator .* got 0.0094"),
     ("discon", "PC_GS_KP", "-0.02 -0.01", "2 gains"),
     ("discon", "PC_GS_KI", "0.008 0.004 0.002", "gains up to 0"),
+    ("primary", "AirDens", "nan", "AirDens must be a finite number"),
+    ("elastodyn", "DTTorSpr", 0.0, "DTTorSpr must be a number above 0"),
+    ("aerodyn", "AFTabMod", 4, "AFTabMod must be 1, 2 or 3"),
 ]
 
 
@@ -438,11 +410,8 @@ def test_what_would_be_another_turbine_is_refused(model, part, key, value, messa
     with pytest.raises(TurbineDefinitionError, match=message) as refusal:
         load_turbine(path)
     assert str(refusal.value).startswith(f"{path}: ")
-
-
-def test_a_water_depth_belongs_to_windio_files(model, tmp_path):
     with pytest.raises(TurbineDefinitionError, match="water_depth"):
-        load_turbine(model.write(tmp_path), water_depth=20.0)
+        load_turbine(path, water_depth=20.0)
 
 
 @pytest.mark.parametrize(
@@ -450,8 +419,8 @@ def test_a_water_depth_belongs_to_windio_files(model, tmp_path):
     [
         ("ed.dat", r".* Twr2Shft .*\n", "", "ed.dat: Twr2Shft: missing, no line has this keyword"),
         ("tower.dat", r"(.*\n){2}\Z", "", "11 rows announced"),
-        ("aero/af0.dat", r"\d+ NumAlf", "nan NumAlf", "NumAlf: got 'nan'"),
-        ("aero/af2_coords.txt", r"\d+ NumCoords", "1.5 NumCoords", "NumCoords: got '1.5'"),
+        ("aero/af0.dat", r"\d+ NumAlf", "nan NumAlf", "NumAlf must be a whole number"),
+        ("aero/af2_coords.txt", r"\d+ NumCoords", "1.5 NumCoords", "NumCoords must be a whole number"),
         ("aero/ad.dat", "TwrElev TwrDiam", "TwrElev Diameter", "no column twrdiam"),
         ("aero/ad.dat", "TwrElev TwrDiam TwrCd", "TwrElev TwrCd TwrDiam", "columns of the tower"),
         ("tower.dat", "TwFAStif TwSSStif", "TwSSStif TwFAStif", "columns of the tower"),
@@ -482,31 +451,19 @@ def test_words_of_text_files(tmp_path):
     assert "NumBl" not in read
 
 
-DRAWN = {
-    ("elastodyn", "PreCone({})"): st.floats(-10.0, 0.0),
-    ("elastodyn", "ShftTilt"): st.floats(-10.0, 0.0),
-    ("elastodyn", "HubCM"): st.floats(-2.0, 2.0),
-    ("elastodyn", "NacCMyn"): st.floats(-1.0, 1.0),
-    ("elastodyn", "NacCMzn"): st.floats(0.0, 3.0),
-    ("elastodyn", "Twr2Shft"): st.floats(0.5, 5.0),
-    ("elastodyn", "GBoxEff"): st.floats(80.0, 100.0),
-    ("elastodyn", "DTTorSpr"): st.floats(1e3, 1e14),
-    ("elastodyn", "DTTorDmp"): st.floats(0.0, 1e9),
-    ("elastodyn", "YawBrMass"): st.floats(0.0, 1e5),
-    ("servodyn", "YawSpr"): st.just(0.0) | st.floats(1e3, 1e12),
-    ("servodyn", "YawManRat"): st.floats(0.0, 50.0),
-    ("discon", "PA_Mode"): st.sampled_from((0, 1, 2)),
-    ("discon", "PC_MinPit"): st.floats(-0.2, 0.1),
-    ("discon", "PC_MaxPit"): st.floats(0.5, 2.0),
-    ("discon", "PC_FinePit"): st.floats(-0.1, 0.1),
-    ("discon", "VS_MinOMSpd"): st.floats(0.0, 120.0),
-    ("discon", "VS_ConstPower"): st.sampled_from((0, 1)),
-    ("discon", "VS_KI"): st.floats(-1e4, 0.0),
-    ("discon", "F_LPFType"): st.sampled_from((1, 2)),
-    ("discon", "PS_Mode"): st.sampled_from((0, 1)),
-    ("primary", "AirDens"): st.floats(0.9, 1.4),
-}
-"""Numbers of a model and where they may lie."""
+ODD = {
+    "elastodyn": {
+        "ShftTilt": -7.3, "HubCM": 1.3, "NacCMyn": -0.7, "NacCMzn": 2.2, "Twr2Shft": 3.1, "GBoxEff": 91.0,
+        "DTTorSpr": 1.7e9, "DTTorDmp": 3.3e6, "YawBrMass": 4.1e4, **{f"PreCone({i})": -3.7 for i in (1, 2, 3)},
+    },
+    "servodyn": {"YawSpr": 0.0, "YawManRat": 31.0},
+    "discon": {
+        "PC_MinPit": -0.13, "PC_MaxPit": 1.6, "PC_FinePit": -0.07, "VS_MinOMSpd": 71.0, "VS_ConstPower": 0,
+        "VS_KI": -77.0, "F_LPFType": 1, "PS_Mode": 0, "PA_Mode": 1,
+    },
+    "primary": {"AirDens": 1.03},
+}  # fmt: skip
+"""Numbers that no other model has."""
 
 
 class TestWindIO:
@@ -517,13 +474,15 @@ class TestWindIO:
         model = Model(nrel_5mw, beamdyn=beamdyn)
         z = nrel_5mw.blade.aero_station
         model.bend = -3.0 * (z / z[-1]) ** 2
+        for part, values in ODD.items() if beamdyn else ():
+            getattr(model, part).update(values)
         turbine = load_turbine(model.write(tmp_path))
         written = write_windio(turbine, tmp_path / "turbine.yaml")
         require_same(turbine, load_turbine(written[0]))
         kept = ControlData(**json.loads(written[1].read_text()))
         require_same(turbine.control, kept)
         written[1].unlink()  # without it the windIO file alone says less of the controller
-        with pytest.raises(TurbineDefinitionError, match=r"Turbine\.control\.\w+: got None"):
+        with pytest.raises(TurbineDefinitionError, match=r"Turbine\.control\.\w+ must be .* got None"):
             require_same(turbine, load_turbine(written[0]))
 
     def test_what_windio_has_no_key_for_stands_beside_it(self, model, nrel_5mw, tmp_path):
@@ -545,22 +504,11 @@ class TestWindIO:
         write_windio(replace(nrel_5mw, control=None), tmp_path / "turbine.yaml")
         assert json.loads(written[1].read_text()) == {}  # what stood there belongs to another turbine
 
-    @given(values=st.fixed_dictionaries({}, optional=DRAWN))
-    @settings(max_examples=3, deadline=None, phases=[Phase.generate])
-    def test_every_model_is_written(self, nrel_5mw, values):
-        model = Model(with_few_points(nrel_5mw))
-        for (part, key), value in values.items():
-            for name in [key.format(i) for i in (1, 2, 3)] if "{}" in key else [key]:
-                getattr(model, part)[name] = value
-        with tempfile.TemporaryDirectory() as folder:
-            turbine = load_turbine(model.write(Path(folder)))
-            require_same(turbine, load_turbine(write_windio(turbine, Path(folder) / "turbine.yaml")[0]))
-
     def test_a_difference_is_found(self, nrel_5mw):
         require_same(nrel_5mw, nrel_5mw)
-        with pytest.raises(TurbineDefinitionError, match=r"Turbine\.hub\.mass: got 1\.0"):
+        with pytest.raises(TurbineDefinitionError, match=r"Turbine\.hub\.mass must be .* got 1\.0"):
             require_same(nrel_5mw, replace(nrel_5mw, hub=replace(nrel_5mw.hub, mass=1.0)))
-        with pytest.raises(TurbineDefinitionError, match=r"Turbine\.control\.fine_pitch: got 0\.1"):
+        with pytest.raises(TurbineDefinitionError, match=r"Turbine\.control\.fine_pitch must be .* got 0\.1"):
             require_same(nrel_5mw, replace(nrel_5mw, control=replace(nrel_5mw.control, fine_pitch=0.1)))
 
     @pytest.mark.parametrize("name", ["nrel_5mw_monopile", "gebhardt_45m", "nada_small"])
@@ -569,23 +517,11 @@ class TestWindIO:
             windio_content(load_turbine(name))
 
 
-def test_openfast_io_reads_the_same_numbers(tmp_path):
-    """Of a model in the format of its release; the models of rosco are."""
-    pytest.importorskip("openfast_io")
-    rosco = importlib.util.find_spec("rosco")
-    if rosco is None or rosco.origin is None:
-        pytest.skip("the models of rosco are not installed: pip install --no-deps rosco")
-    cases = Path(rosco.origin).parents[1] / "Examples" / "Test_Cases"
-    lines = compare_with_openfast_io(cases / "NREL_2p8_127" / "NREL-2p8-127.fst")
-    agree = [int(re.search(r"(\d+) numbers agree$", line)[1]) for line in lines]
-    assert len(agree) == 5
-    assert sum(agree) > 250
-
-
-def test_openfast_io_misreads_files_of_another_release(model, tmp_path):
+def test_openfast_io_reads_the_same_numbers_and_stops_at_lines_of_another_release(model, tmp_path):
     pytest.importorskip("openfast_io")
     text = "\n".join(compare_with_openfast_io(model.write(tmp_path)))
     assert "it stops with" in text
+    assert re.search(r"[1-9]\d* numbers agree", text)
 
 
 class TestCommand:
@@ -616,10 +552,6 @@ class TestCommand:
             run_command("import", words)
         assert end.value.code == 2
         assert message in capsys.readouterr().err
-
-    def test_a_model_that_is_not_there_takes_one_line(self, tmp_path):
-        with pytest.raises(SystemExit, match=r"error: .*nothing\.fst: cannot be read"):
-            run_command("import", [str(tmp_path / "nothing.fst")])
 
     def test_without_the_other_reader_it_says_how_to_install_it(self, model, tmp_path, monkeypatch):
         monkeypatch.setitem(__import__("sys").modules, "openfast_io", None)
@@ -669,23 +601,13 @@ class TestCheckInSteadyWinds:
             r"25\.00 +12\.10 / +12\.10 +23\.00 / +23\.00 +5000\.0 / +5000\.0 +300\.0 / +300\.0 +right", out
         )
 
-    @pytest.mark.parametrize(
-        ("wrong", "words"),
-        [
-            ({"deviation": 0.03}, "the rotor speed moves by 3.0 % of rated"),
-            ({"power": 4.4e6}, "88% of the table's power; 88.0% of rated power"),
-            ({"power": 4.9e6}, "98.0% of rated power"),
-            ({"rotor_speed": 0.97 * 12.1 * np.pi / 30}, "97.0% of the table's rotor speed"),
-            ({"failure": "simulation failed at 14 s"}, "simulation failed at 14 s"),
-        ],
-    )
     @pytest.mark.filterwarnings("ignore:the speed loop of model")
-    def test_a_wrong_one_is_said_and_ends_with_status_3(self, checked, capsys, wrong, words):
+    def test_a_wrong_one_is_said_and_ends_with_status_3(self, checked, capsys):
         with pytest.raises(SystemExit) as end:
-            run_command("import", [str(checked(**wrong)), "--json"])
+            run_command("import", [str(checked(power=4.4e6)), "--json"])
         out = capsys.readouterr().out
         assert end.value.code == 3
-        assert words in out
+        assert "88% of the table's power; 88.0% of rated power" in out
         assert "CHECK FAILED at 14 m/s" in out
         rows = json.loads(out.splitlines()[-1])["check"]
         assert [row["verdict"] for row in rows].count("right") == 8
@@ -694,16 +616,10 @@ class TestCheckInSteadyWinds:
         point = SteadyRun(8.0, 0.9, 0.0, 1.7e6, 4e5, 0.0)
         assert verdict(nrel_5mw, point) == ""
         assert verdict(nrel_5mw, replace(point, power=0.0)) == "0% of blade elements' power"
+        assert verdict(nrel_5mw, replace(point, deviation=0.03)) == "the rotor speed moves by 3.0 % of rated"
+        assert verdict(nrel_5mw, replace(point, failure="simulation failed")) == "simulation failed"
         fast = SteadyRun(18.0, 1.03 * nrel_5mw.drivetrain.rated_rotor_speed, 0.25, 5e6, 4e5, 0.0)
         assert verdict(nrel_5mw, fast) == "103.0% of the operating point's rotor speed"
-
-    def test_the_fidelity_is_the_default(self, nrel_5mw, monkeypatch):
-        def simulator(turbine, inflow, fidelity=None):
-            raise SimulationError(f"fidelity {fidelity}")
-
-        monkeypatch.setattr("wt_gym.experiment.steady_check.Simulator", simulator)
-        with pytest.raises(SimulationError, match="fidelity None"):
-            _run(nrel_5mw, 8.0)
 
 
 def test_tables_of_steady_states(tmp_path, caplog):

@@ -8,8 +8,8 @@ import pytest
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.control.controllers.own import gain_of_table
-from wt_gym.control.design import reference_flap_moment
-from wt_gym.control.operating_point import design_point, operating_point, starting_point, torque_curve
+from wt_gym.control.design import design_point, reference_flap_moment
+from wt_gym.control.operating_point import operating_point, starting_point, torque_curve
 from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.power import available_power
 from wt_gym.simulation.contract import fingerprint

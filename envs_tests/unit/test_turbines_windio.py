@@ -4,6 +4,7 @@ import copy
 import json
 import re
 import time
+from contextlib import nullcontext
 from dataclasses import asdict
 
 import numpy as np
@@ -13,8 +14,6 @@ from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import BeamStations, inertia_matrix
 from wt_gym.turbines.catalogue import turbine_file
-from wt_gym.turbines.windio import shell_sections
-from wt_gym.turbines.windio_file import Node, read_windio
 
 LENGTH = 40.0
 
@@ -33,74 +32,77 @@ def beam(**entries):
     }
 
 
+def tree(entries: dict) -> dict:
+    """Nested mappings of values by dotted paths."""
+    data: dict = {}
+    for path, value in entries.items():
+        node, (*parents, key) = data, path.split(".")
+        for name in parents:
+            node = node.setdefault(name, {})
+        node[key] = value
+    return data
+
+
 def small_turbine() -> dict:
     """A made-up 40 m blade of constant section on an 80 m tower, in as few numbers as windIO allows."""
     angle = np.linspace(0.0, 2.0 * np.pi, 21)
-    x, y = 0.5 + 0.5 * np.cos(angle), 0.1 * np.sin(angle)
-    polar = {"grid": [-180.0, -90.0, 0.0, 90.0, 180.0], "values": [0.0, -1.0, 0.0, 1.0, 0.0]}
-    drag = {"grid": [-180.0, 180.0], "values": [0.1, 0.1]}
-    zero = {"grid": [-180.0, 180.0], "values": [0.0, 0.0]}
-    axis = {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, LENGTH)}
-    return {
-        "name": "small",
-        "windIO_version": "2.1",
-        "assembly": {"rotor_orientation": "upwind", "number_of_blades": 3, "rated_power": 1.0e6, "hub_height": 82.0},
-        "control": {"rated_rotor_speed": 18.0, "max_pitch_rate": 8.0, "optimal_tsr": 7.0},
-        "airfoils": [
-            {
-                "name": "ellipse",
-                "rthick": 0.2,
-                "coordinates": {"x": list(np.abs(x)), "y": list(y)},
-                "polars": [{"configuration": "default", "re_sets": [{"re": 1e6, "cl": polar, "cd": drag, "cm": zero}]}],
-            }
-        ],
-        "materials": [{"name": "steel", "orth": 0, "rho": 7850.0, "E": 2.1e11, "nu": 0.3}],
-        "components": {
-            "blade": {
-                "reference_axis": axis,
-                "outer_shape": {
-                    "chord": table(2.0, 2.0),
-                    "twist": table(30.0, 30.0),
-                    "section_offset_y": table(0.6, 0.6),
-                    "rthick": table(0.2, 0.2),
-                    "airfoils": [{"name": "ellipse", "spanwise_position": 0.0}],
-                },
-                "structure": {
-                    "anchors": [],
-                    "layers": [],
-                    "elastic_properties": beam(
-                        K33=1e9, K44=8e8, K55=2e8, K66=1e8, mass=200.0, cm_y=0.3, i_edge=60.0, i_flap=10.0
-                    ),
-                },
+    x, y = np.abs(0.5 + 0.5 * np.cos(angle)), 0.1 * np.sin(angle)
+    lift = {"grid": [-180.0, -90.0, 0.0, 90.0, 180.0], "values": [0.0, -1.0, 0.0, 1.0, 0.0]}
+    drag, zero = ({"grid": [-180.0, 180.0], "values": [value] * 2} for value in (0.1, 0.0))
+    section = beam(K33=1e9, K44=8e8, K55=2e8, K66=1e8, mass=200.0, cm_y=0.3, i_edge=60.0, i_flap=10.0)
+    blade, tower, train = "components.blade.", "components.tower.", "components.drivetrain."
+    return tree(
+        {
+            "name": "small",
+            "windIO_version": "2.1",
+            "assembly": {
+                "rotor_orientation": "upwind",
+                "number_of_blades": 3,
+                "rated_power": 1.0e6,
+                "hub_height": 82.0,
             },
-            "hub": {
-                "diameter": 2.0,
-                "cone_angle": 0.0,
-                "cd": 0.5,
-                "elastic_properties": {"mass": 1e4, "inertia": [1e4] * 3 + [0.0] * 3, "location": [0.0] * 3},
+            "control": {"rated_rotor_speed": 18.0, "max_pitch_rate": 8.0, "optimal_tsr": 7.0},
+            "airfoils": [
+                tree(
+                    {
+                        "name": "ellipse",
+                        "rthick": 0.2,
+                        "coordinates": {"x": list(x), "y": list(y)},
+                        "polars": [
+                            {"configuration": "default", "re_sets": [{"re": 1e6, "cl": lift, "cd": drag, "cm": zero}]}
+                        ],
+                    }
+                )
+            ],
+            "materials": [{"name": "steel", "orth": 0, "rho": 7850.0, "E": 2.1e11, "nu": 0.3}],
+            blade + "reference_axis": {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, LENGTH)},
+            blade + "outer_shape.chord": table(2.0, 2.0),
+            blade + "outer_shape.twist": table(30.0, 30.0),
+            blade + "outer_shape.section_offset_y": table(0.6, 0.6),
+            blade + "outer_shape.rthick": table(0.2, 0.2),
+            blade + "outer_shape.airfoils": [{"name": "ellipse", "spanwise_position": 0.0}],
+            blade + "structure": {"anchors": [], "layers": [], "elastic_properties": section},
+            "components.hub": {"diameter": 2.0, "cone_angle": 0.0, "cd": 0.5},
+            "components.hub.elastic_properties": {
+                "mass": 1e4,
+                "inertia": [1e4] * 3 + [0.0] * 3,
+                "location": [0.0] * 3,
             },
-            "drivetrain": {
-                "outer_shape": {"uptilt": 0.0, "distance_tt_hub": 2.0, "overhang": 4.0},
-                "gearbox": {
-                    "gear_ratio": 80.0,
-                    "efficiency": 1.0,
-                    "elastic_properties": {"torsional_stiffness": 1e8, "torsional_damping": 1e6},
-                },
-                "generator": {
-                    "elastic_properties": {"mass": 0.0, "inertia": [60.0] + [0.0] * 5, "location": [0.0] * 3}
-                },
-                "elastic_properties": {"mass": 5e4, "inertia": [1e5, 2e5, 2e5], "location": [0.5, 0.0, 1.5]},
+            train + "outer_shape": {"uptilt": 0.0, "distance_tt_hub": 2.0, "overhang": 4.0},
+            train + "gearbox": {"gear_ratio": 80.0, "efficiency": 1.0},
+            train + "gearbox.elastic_properties": {"torsional_stiffness": 1e8, "torsional_damping": 1e6},
+            train + "generator.elastic_properties": {
+                "mass": 0.0,
+                "inertia": [60.0] + [0.0] * 5,
+                "location": [0.0] * 3,
             },
-            "tower": {
-                "reference_axis": {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, 80.0)},
-                "outer_shape": {"outer_diameter": table(4.0, 3.0), "cd": table(0.7, 0.7)},
-                "structure": {
-                    "outfitting_factor": 1.1,
-                    "layers": [{"name": "wall", "material": "steel", "thickness": table(0.03, 0.02)}],
-                },
-            },
-        },
-    }
+            train + "elastic_properties": {"mass": 5e4, "inertia": [1e5, 2e5, 2e5], "location": [0.5, 0.0, 1.5]},
+            tower + "reference_axis": {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, 80.0)},
+            tower + "outer_shape": {"outer_diameter": table(4.0, 3.0), "cd": table(0.7, 0.7)},
+            tower + "structure.outfitting_factor": 1.1,
+            tower + "structure.layers": [{"name": "wall", "material": "steel", "thickness": table(0.03, 0.02)}],
+        }
+    )
 
 
 def save(data: dict, tmp_path):
@@ -159,21 +161,6 @@ def test_matrices_in_the_frame_of_the_schema_text_give_the_same_blade(tmp_path):
     np.testing.assert_allclose(second.blade.structure.inertia, first.blade.structure.inertia, rtol=1e-12, atol=1e-9)
     assert any("K55 > K44" in note for note in second.notes)
     assert not any("K55 > K44" in note for note in first.notes)
-
-
-def test_shell_of_the_nrel_tower_gives_the_published_table():
-    """The report computes Table 6-1 from this shell (6 m to 3.87 m, 35.1 mm to 24.7 mm, 8500 kg/m^3)."""
-    turbine = load_turbine("nrel_5mw")
-    path = turbine_file("nrel_5mw")
-    root = read_windio(path, path.read_bytes()).root
-    structure = root.at("components.tower.structure")
-    grid = np.linspace(0.0, 1.0, 11)
-    shell = shell_sections(root, structure, 87.6, (grid, 6.0 - 2.13 * grid))
-    # Wall thickness is published to 1/10 mm, density and stiffness to 5 digits.
-    for k in range(2, 6):
-        published = turbine.tower.structure.stiffness[:, k, k]
-        np.testing.assert_allclose(shell.stiffness_at(87.6 * grid)[:, k, k], published, rtol=2e-3)
-    np.testing.assert_allclose(shell.inertia[:, 0, 0], turbine.tower.structure.inertia[:, 0, 0], rtol=2e-3)
 
 
 def test_shell_tower_against_the_formulas_of_a_tube(small):
@@ -278,13 +265,6 @@ def test_a_missing_key_is_named_or_can_be_done_without(tmp_path):
     assert needed == {path for path in paths(small_turbine()) if not OPTIONAL.fullmatch(path)}
 
 
-def test_a_missing_drivetrain_spring_names_both_places(tmp_path):
-    data = small_turbine()
-    del data["components"]["drivetrain"]["gearbox"]["elastic_properties"]
-    with pytest.raises(TurbineDefinitionError, match=r"drivetrain\.elastic_properties\.spring_constant.*gearbox"):
-        load_turbine(save(data, tmp_path))
-
-
 @pytest.mark.parametrize(
     ("path", "value", "named"),
     [
@@ -292,7 +272,7 @@ def test_a_missing_drivetrain_spring_names_both_places(tmp_path):
         ("components.blade.outer_shape.chord.values", [2000.0, 2000.0], r"outer_shape\.chord"),
         ("components.blade.outer_shape.chord.values", [2.0, "wide"], r"outer_shape\.chord\.values\[1\].*number"),
         ("components.blade.outer_shape.chord.values", [2.0, float("nan")], r"chord\.values\[1\].*finite"),
-        ("components.blade.outer_shape.chord.values", [2.0, 2.0, 2.0], r"chord\.values.*shape \(2\)"),
+        ("components.blade.outer_shape.chord.values", [2.0, 2.0, 2.0], r"chord\.values.*shape \(2,\)"),
         ("components.blade.outer_shape.chord.grid", [1.0, 0.0], r"chord\.grid\[1\].*ascending"),
         ("components.blade.outer_shape.chord.grid", [0.0, 0.9], r"chord\.grid.*0 .*1"),
         ("components.blade.outer_shape.twist.values", [200.0, 200.0], r"Blade\.twist"),
@@ -305,14 +285,20 @@ def test_a_missing_drivetrain_spring_names_both_places(tmp_path):
         ("components.blade.structure.elastic_properties.stiffness_matrix.K45", [9e8, 9e8], "positive definite"),
         ("components.hub.diameter", 2000.0, r"hub\.diameter.*30"),
         ("components.hub.diameter", "two", r"hub\.diameter.*number"),
+        ("assembly.number_of_blades", "three", r"assembly\.number_of_blades.*three"),
+        ("assembly.turbine_class", "X", r"assembly\.turbine_class.*X"),
+        ("control.rated_rotor_speed", [18.0], r"control\.rated_rotor_speed"),
+        ("components.drivetrain.elastic_properties.mass", "heavy", r"drivetrain\.elastic_properties\.mass"),
+        ("components.hub.elastic_properties.mass", -5.0, r"hub\.elastic_properties\.mass"),
+        ("control.max_gen_torque", 3.0, r"control\.max_gen_torque.*rated.*3"),
         ("components.tower.structure.layers.0.material", "wood", r"material.*steel"),
         ("components.tower.structure.layers.0.thickness.values", [3.0, 0.02], "thickness"),
         ("components.tower.reference_axis.x.values", [0.0, 5.0], r"tower\.reference_axis"),
         ("assembly.rotor_orientation", "downwind", "upwind"),
         ("assembly.hub_height", 120.0, "hub_height"),
         ("control.max_pitch_rate", -8.0, "max_pitch_rate"),
-        ("airfoils.0.coordinates.x.5", 0.9, r"coordinates\.x\[5\].*0\.9.*in order"),
-        ("airfoils.0.polars.0.re_sets.0.cd.values", [0.1, -0.1], r"cd\.values\[1\].*-0\.1.*at least 0"),
+        ("airfoils.0.coordinates.x.5", 0.9, r"coordinates\.x\[5\].*in order.*0\.9"),
+        ("airfoils.0.polars.0.re_sets.0.cd.values", [0.1, -0.1], r"cd\.values\[1\].*at least 0.*-0\.1"),
         (
             "components.drivetrain.generator.rpm_efficiency",
             {"grid": [0.0, 20.0], "values": [0.01, 0.01]},
@@ -349,6 +335,7 @@ BOMB = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1]", *(f"a{i}: &a{i} [{', '.join([f'*a{i 
         ({"a0.yaml": "!include [a1.yaml]"}, "one YAML file"),
         ({"a0.yaml": "!include folder.yaml", "folder.yaml/x": ""}, "no such file"),
         ({"a0.yaml": "name: [unclosed"}, "not a valid YAML"),
+        ({"turbine.yaml": "values: [" + "1.0, " * 1_000_000 + "1.0]\n"}, "components: missing"),
     ],
 )
 def test_what_would_blow_up_ends_soon_in_one_line(files, named, tmp_path):
@@ -373,8 +360,9 @@ def test_included_files_are_read_from_beside_the_one_that_includes_them(tmp_path
     for part in ("airfoils", "materials"):
         (tmp_path / "parts" / f"{part}.yaml").write_text(json.dumps(data[part]))
         data[part] = f"INCLUDE parts/{part}.yaml"
+    data["materials"] = "INCLUDE parts\\materials.yaml"  # as Windows writes it
     path = save(data, tmp_path)
-    path.write_text(re.sub(r'"INCLUDE (.*?)"', r"!include \1", path.read_text()))
+    path.write_text(re.sub(r'"INCLUDE (.*?)"', r"!include \1", path.read_text()).replace("\\\\", "\\"))
     np.testing.assert_equal(asdict(load_turbine(path)), asdict(whole))
 
 
@@ -394,32 +382,12 @@ def test_odd_yaml_is_refused_without_a_traceback(text, tmp_path):
         load_turbine(path)
 
 
-def test_files_that_cannot_be_read_are_refused(tmp_path, monkeypatch):
-    path = save(small_turbine(), tmp_path)
-
-    def read_bytes(_):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr("pathlib.Path.read_bytes", read_bytes)
-    with pytest.raises(TurbineDefinitionError, match=r"turbine\.yaml: cannot be read: Permission denied"):
-        load_turbine(path)
-
-
 def test_changed_file_is_read_again(tmp_path):
     data = small_turbine()
     first = load_turbine(save(data, tmp_path))
     data["name"] = "renamed"
     second = load_turbine(save(data, tmp_path))
     assert (first.name, second.name) == ("small", "renamed")
-
-
-def test_node_paths():
-    node = Node({"a": {"b": [{"c": 1.0}]}, "empty": None})
-    assert "a.b" in node
-    assert "empty" not in node
-    assert node.at("a").items("b")[0].where("c") == "a.b[0].c"
-    with pytest.raises(TurbineDefinitionError, match=r"^a\.x: missing"):
-        node.at("a.x.y")
 
 
 def test_beam_stations_interpolate_linearly_and_keep_rigid_shear(small):
@@ -441,43 +409,37 @@ def test_mass_moments_are_exact():
     assert [beam_stations.mass_moment(k) for k in range(3)] == pytest.approx([4.0, 14.0 / 3.0, 20.0 / 3.0])
 
 
-@pytest.mark.parametrize("factor", [1e9, 1e-9, 1e4])
-@pytest.mark.parametrize("place", [0, 2, 4])
-def test_spikes_of_stiffness_are_refused(place, factor):
-    stiffness = np.array([np.diag([np.inf, np.inf, 1e9, 1e8, 1e8, 1e7]) * 10.0**-k for k in range(5)])
-    stiffness[:, [0, 0, 1, 1], [1, 2, 0, 2]] = 0.0
-    stiffness = np.where(np.isnan(stiffness), 0.0, stiffness)
-    inertia = np.array([np.eye(6)] * 5)
-    BeamStations(np.arange(5.0), stiffness, inertia)
+@pytest.mark.parametrize(
+    ("place", "factor", "refused"),
+    [(0, 1e9, True), (2, 1e-9, True), (4, 1e9, True), (2, 1e4, True), (0, 1e4, False), (4, 1e4, False)],
+)
+def test_spikes_of_stiffness_are_refused(place, factor, refused):
+    """A step at an end may be meant."""
+    stiffness = np.array([np.diag([1e9, 1e9, 1e9, 1e8, 1e8, 1e7]) * 10.0**-k for k in range(5)])
     stiffness[place, 4, 4] *= factor
-    if factor == 1e4 and place in (0, 4):  # a step at an end may be meant
-        BeamStations(np.arange(5.0), stiffness, inertia)
-        return
-    with pytest.raises(TurbineDefinitionError, match=r"stiffness\[\d, 4, 4\].*neighbors"):
-        BeamStations(np.arange(5.0), stiffness, inertia)
+    with pytest.raises(TurbineDefinitionError, match="neighbors") if refused else nullcontext():
+        BeamStations(np.arange(5.0), stiffness, np.array([np.eye(6)] * 5))
+
+
+UNIT = np.array([np.eye(6)] * 2)
 
 
 @pytest.mark.parametrize(
-    ("station", "stiffness", "inertia", "named"),
+    ("change", "named"),
     [
-        ([0.0, 0.0], None, None, "station"),
-        ([1.0, 2.0], None, None, r"station\[0\]"),
-        ([0.0, 1.0, 2.0], None, None, "stiffness"),
-        (None, np.array([np.eye(6) + np.eye(6, k=1)] * 2), None, "symmetric"),
-        (None, np.array([np.diag([1, 1, 1, 1, np.inf, 1.0])] * 2), None, r"stiffness\[0, 4, 4\]"),
-        (None, np.array([np.diag([np.inf, np.inf, 1, 1, 1, 1.0]), np.eye(6)]), None, "inf"),
-        (None, None, np.zeros((2, 6, 6)), "mass per length"),
-        (None, None, -np.array([np.eye(6)] * 2), "semidefinite"),
+        ({"station": [0.0, 0.0]}, "station"),
+        ({"station": [1.0, 2.0]}, r"station\[0\]"),
+        ({"station": [0.0, 1.0, 2.0]}, "stiffness"),
+        ({"stiffness": UNIT + np.eye(6, k=1)}, "symmetric"),
+        ({"stiffness": [np.diag([1, 1, 1, 1, np.inf, 1.0])] * 2}, r"stiffness\[0, 4, 4\]"),
+        ({"stiffness": [np.diag([np.inf, np.inf, 1, 1, 1, 1.0]), np.eye(6)]}, "inf"),
+        ({"inertia": 0.0 * UNIT}, "mass per length"),
+        ({"inertia": -UNIT}, "semidefinite"),
     ],
 )
-def test_wrong_beam_stations_are_refused(station, stiffness, inertia, named):
-    unit = np.array([np.eye(6)] * 2)
+def test_wrong_beam_stations_are_refused(change, named):
     with pytest.raises(TurbineDefinitionError, match=named):
-        BeamStations(
-            [0.0, 1.0] if station is None else station,
-            unit if stiffness is None else stiffness,
-            unit if inertia is None else inertia,
-        )
+        BeamStations(**({"station": [0.0, 1.0], "stiffness": UNIT, "inertia": UNIT} | change))
 
 
 @pytest.mark.parametrize(

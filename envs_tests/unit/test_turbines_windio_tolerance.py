@@ -2,11 +2,10 @@
 
 import copy
 import json
-import time
 
 import numpy as np
 import pytest
-from test_turbines_windio import at, save, small_turbine, table
+from test_turbines_windio import at, save, small_turbine, table, tree
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import load_turbine
@@ -46,64 +45,50 @@ def version_1() -> dict:
     inertia[0] = inertia[6] = inertia[11] = mass
     inertia[5], inertia[12] = -mass * cm_y, mass * cm_y
     inertia[15], inertia[18], inertia[20] = edge, flap, edge + flap
-    data["components"] = {
-        "blade": {
-            "outer_shape_bem": {
-                "reference_axis": blade["reference_axis"],
-                "chord": table(2.0, 2.0),
-                "twist": twist,
-                "pitch_axis": table(0.3, 0.3),
-                "airfoil_position": {"grid": [0.0, 1.0], "labels": ["ellipse", "ellipse"]},
+    old, six, nacelle = "blade.outer_shape_bem.", "blade.elastic_properties_mb.six_x_six.", "nacelle.drivetrain."
+    axis, tower_axis = blade["reference_axis"], tower["reference_axis"]
+    data["components"] = tree(
+        {
+            old + "reference_axis": axis,
+            old + "chord": table(2.0, 2.0),
+            old + "twist": twist,
+            old + "pitch_axis": table(0.3, 0.3),
+            old + "airfoil_position": {"grid": [0.0, 1.0], "labels": ["ellipse", "ellipse"]},
+            "blade.internal_structure_2d_fem": {"reference_axis": {}, "webs": [], "layers": ["not", "read"]},
+            six + "reference_axis": axis,
+            six + "twist": twist,
+            six + "stiff_matrix": {"grid": [0.0, 1.0], "values": [stiffness] * 2},
+            six + "inertia_matrix": {"grid": [0.0, 1.0], "values": [inertia] * 2},
+            "hub": {"diameter": 2.0, "cone_angle": 2.0 * DEGREE, "drag_coefficient": 0.5},
+            "hub.elastic_properties_mb": {
+                "system_mass": 1e4,
+                "system_inertia": [1e4] * 3,
+                "system_center_mass": [0.0] * 3,
             },
-            "internal_structure_2d_fem": {"reference_axis": {}, "webs": [], "layers": ["not", "read"]},
-            "elastic_properties_mb": {
-                "six_x_six": {
-                    "reference_axis": blade["reference_axis"],
-                    "twist": twist,
-                    "stiff_matrix": {"grid": [0.0, 1.0], "values": [stiffness] * 2},
-                    "inertia_matrix": {"grid": [0.0, 1.0], "values": [inertia] * 2},
-                }
+            "nacelle.drivetrain": {"uptilt": 5.0 * DEGREE, "distance_tt_hub": 2.0, "overhang": 4.0},
+            nacelle + "gear_ratio": 80.0,
+            nacelle + "gearbox_efficiency": 0.97,
+            nacelle + "distance_hub_mb": 1.5,
+            nacelle + "distance_mb_mb": 0.5,
+            nacelle + "lss_diameter": [0.6, 0.6],
+            nacelle + "lss_wall_thickness": [0.1, 0.1],
+            nacelle + "lss_material": "steel",
+            nacelle + "damping_ratio": 0.01,
+            nacelle + "generator_rpm_efficiency_user": {"grid": [0.0, 20.0], "values": [0.94, 0.94]},
+            nacelle + "elastic_properties_mb": {
+                "system_mass": 5e4,
+                "yaw_mass": 2e3,
+                "system_inertia": [1e5, 2e5, 2e5],
+                "system_center_mass": [0.5, 0.0, 1.5],
             },
-        },
-        "hub": {
-            "diameter": 2.0,
-            "cone_angle": 2.0 * DEGREE,
-            "drag_coefficient": 0.5,
-            "elastic_properties_mb": {"system_mass": 1e4, "system_inertia": [1e4] * 3, "system_center_mass": [0.0] * 3},
-        },
-        "nacelle": {
-            "drivetrain": {
-                "uptilt": 5.0 * DEGREE,
-                "distance_tt_hub": 2.0,
-                "overhang": 4.0,
-                "gear_ratio": 80.0,
-                "gearbox_efficiency": 0.97,
-                "distance_hub_mb": 1.5,
-                "distance_mb_mb": 0.5,
-                "lss_diameter": [0.6, 0.6],
-                "lss_wall_thickness": [0.1, 0.1],
-                "lss_material": "steel",
-                "damping_ratio": 0.01,
-                "generator_rpm_efficiency_user": {"grid": [0.0, 20.0], "values": [0.94, 0.94]},
-                "elastic_properties_mb": {
-                    "system_mass": 5e4,
-                    "yaw_mass": 2e3,
-                    "system_inertia": [1e5, 2e5, 2e5],
-                    "system_center_mass": [0.5, 0.0, 1.5],
-                },
-            },
-            "generator": {"B_r": 1.2, "rho_Fe": 7700.0},
-        },
-        "tower": {
-            "outer_shape_bem": {
-                "reference_axis": tower["reference_axis"],
-                "outer_diameter": tower["outer_shape"]["outer_diameter"],
-                "drag_coefficient": tower["outer_shape"]["cd"],
-            },
-            "internal_structure_2d_fem": tower["structure"] | {"reference_axis": tower["reference_axis"]},
-        },
-        "foundation": {"height": 0.0},
-    }
+            "nacelle.generator": {"B_r": 1.2, "rho_Fe": 7700.0},
+            "tower.outer_shape_bem.reference_axis": tower_axis,
+            "tower.outer_shape_bem.outer_diameter": tower["outer_shape"]["outer_diameter"],
+            "tower.outer_shape_bem.drag_coefficient": tower["outer_shape"]["cd"],
+            "tower.internal_structure_2d_fem": tower["structure"] | {"reference_axis": tower_axis},
+            "foundation.height": 0.0,
+        }
+    )
     data["control"] = wisdem_control(DEGREE, np.pi / 30.0)
     return data
 
@@ -176,25 +161,6 @@ def test_flaws_where_nothing_is_read_do_not_cost_the_turbine(path, value, tmp_pa
     assert load_turbine(save(data, tmp_path)).name == "small"
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "named"),
-    [
-        ("assembly.number_of_blades", "three", r"assembly\.number_of_blades.*three"),
-        ("assembly.turbine_class", "X", r"assembly\.turbine_class.*X"),
-        ("control.rated_rotor_speed", [18.0], r"control\.rated_rotor_speed"),
-        ("components.drivetrain.elastic_properties.mass", "heavy", r"drivetrain\.elastic_properties\.mass"),
-        ("components.hub.elastic_properties.mass", -5.0, r"hub\.elastic_properties\.mass"),
-        ("control.max_gen_torque", 3.0, r"control\.max_gen_torque.*3.*rated"),
-    ],
-)
-def test_wrong_values_that_are_used_are_refused(path, value, named, tmp_path):
-    data = small_turbine()
-    parent, key = at(data, path)
-    parent[key] = value
-    with pytest.raises(TurbineDefinitionError, match=named):
-        load_turbine(save(data, tmp_path))
-
-
 def test_limits_in_the_layout_of_wisdem(tmp_path):
     data = small_turbine()
     data["control"] = wisdem_control()
@@ -207,11 +173,7 @@ def test_limits_in_the_layout_of_wisdem(tmp_path):
     data["control"]["supervisory"]["maxTS"] = 70.0
     turbine = load_turbine(save(data, tmp_path))
     assert turbine.drivetrain.rated_rotor_speed == pytest.approx(70.0 / 41.0)
-
-
-def test_the_key_of_windio_2_1_goes_before_that_of_wisdem(tmp_path):
-    data = small_turbine()
-    data["control"] |= wisdem_control() | {"max_pitch_rate": 3.0}
+    data["control"] |= small_turbine()["control"] | {"max_pitch_rate": 3.0}  # the keys of windIO go before
     turbine = load_turbine(save(data, tmp_path))
     assert np.degrees(turbine.pitch.max_rate) == pytest.approx(3.0)
     assert turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi == pytest.approx(18.0)
@@ -275,29 +237,27 @@ def test_version_1_keeps_every_reynolds_number(tmp_path):
     assert drag == pytest.approx([0.1, 0.2])
 
 
+SIX = "components.blade.elastic_properties_mb.six_x_six"
+
+
 @pytest.mark.parametrize(
-    ("path", "named"),
+    ("path", "change", "named"),
     [
-        ("components.nacelle", r"components\.nacelle.*'nacelle' is missing"),
-        ("components.blade.outer_shape_bem.pitch_axis", r"components\.blade.*'pitch_axis'"),
-        ("components.tower.outer_shape_bem", r"components\.tower.*'outer_shape_bem'"),
-        ("airfoils.0.polars.0.c_d", r"airfoils.*'c_d'"),
-        ("components.blade.elastic_properties_mb", r"blade\.structure\.elastic_properties.*missing"),
-        ("control.pitch.max_pitch_rate", r"control\.max_pitch_rate: missing"),
+        ("components.nacelle", {}, r"components\.nacelle.*'nacelle' is missing"),
+        ("components.blade.outer_shape_bem.pitch_axis", {}, r"components\.blade.*'pitch_axis'"),
+        ("components.tower.outer_shape_bem", {}, r"components\.tower.*'outer_shape_bem'"),
+        ("airfoils.0.polars.0.c_d", {}, r"airfoils.*'c_d'"),
+        ("components.blade.elastic_properties_mb", {}, r"blade\.structure\.elastic_properties.*missing"),
+        ("control.pitch.max_pitch_rate", {}, r"control\.max_pitch_rate: missing"),
+        (SIX + ".twist", {"twist": table(0.5, 0.1)}, r"six_x_six\.twist must be .* deg"),
     ],
 )
-def test_what_version_1_lacks_is_named(path, named, tmp_path):
+def test_what_version_1_lacks_is_named(path, change, named, tmp_path):
     data = version_1()
     parent, key = at(data, path)
     del parent[key]
+    parent |= change
     with pytest.raises(TurbineDefinitionError, match=named):
-        load_turbine(save(data, tmp_path))
-
-
-def test_version_1_with_two_twists_is_refused(tmp_path):
-    data = version_1()
-    data["components"]["blade"]["elastic_properties_mb"]["six_x_six"]["twist"] = table(0.5, 0.1)
-    with pytest.raises(TurbineDefinitionError, match=r"six_x_six\.twist: got .* deg"):
         load_turbine(save(data, tmp_path))
 
 
@@ -348,7 +308,7 @@ def test_the_mass_of_the_whole_top_is_shared_out(tmp_path):
     assert 3 * turbine.blade.structure.mass_moment(0) + sum(parts) == pytest.approx(90e3)
     assert "components.RNA" in note(turbine, "components.hub.elastic_properties.mass")
     data["components"]["RNA"]["elastic_properties_mb"]["mass"] = 20e3
-    with pytest.raises(TurbineDefinitionError, match=r"RNA.*20000.*blades"):
+    with pytest.raises(TurbineDefinitionError, match=r"RNA.*blades.*20000"):
         load_turbine(save(data, tmp_path))
 
 
@@ -422,15 +382,6 @@ def test_paths_as_people_write_them(tmp_path, monkeypatch):
         load_turbine(r"C:\turbines\mine.yaml")
 
 
-def test_includes_with_the_separators_of_windows(tmp_path):
-    data = small_turbine()
-    (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "airfoils.yaml").write_text(json.dumps(data["airfoils"]))
-    text = json.dumps(data | {"airfoils": "HERE"}).replace('"HERE"', r"!include parts\airfoils.yaml")
-    (tmp_path / "turbine.yaml").write_text(text)
-    assert load_turbine(tmp_path / "turbine.yaml").name == "small"
-
-
 def test_an_anchor_that_is_used_twice_is_no_hindrance(tmp_path):
     path = tmp_path / "turbine.yaml"
     text = (
@@ -440,12 +391,3 @@ def test_an_anchor_that_is_used_twice_is_no_hindrance(tmp_path):
     )
     path.write_text(text)
     assert load_turbine(path).nacelle.overhang == pytest.approx(4.0)
-
-
-def test_a_long_file_that_is_no_turbine_is_refused_at_once(tmp_path):
-    path = tmp_path / "turbine.yaml"
-    path.write_text("values: [" + "1.0, " * 1_000_000 + "1.0]\n")
-    begin = time.process_time()
-    with pytest.raises(TurbineDefinitionError, match="components: missing"):
-        load_turbine(path)
-    assert time.process_time() - begin < 1.0

@@ -7,12 +7,9 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from wt_gym.base.errors import InflowError
 from wt_gym.wind import (
-    Inflow,
     MirroredInflow,
     PathInflow,
     SteadyInflow,
@@ -140,28 +137,6 @@ def test_points_and_times_that_make_no_sense_are_refused(points, time):
 def test_parameters_out_of_range_are_refused(change):
     with pytest.raises(InflowError):
         SteadyInflow(**{"speed": 8.0, **change})
-
-
-def test_value_semantics():
-    inflow = SteadyInflow(8, shear_exponent=0.2, yaw_misalignment=0.1)
-    assert inflow == SteadyInflow(8.0, 90.0, 0.2, yaw_misalignment=0.1)
-    assert hash(inflow) == hash(dataclasses.replace(inflow))
-    assert pickle.loads(pickle.dumps(inflow)) == inflow
-    assert isinstance(inflow, Inflow)
-    assert inflow.mean_speed == 8.0
-    assert inflow.description == "steady 8 m/s at 90 m, power-law profile (exponent 0.2), yaw misalignment 5.73 deg"
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        inflow.speed = 9.0
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    st.floats(0.0, 80.0), st.floats(0.0, 1.0), st.floats(-0.05, 0.05), st.floats(-math.pi, math.pi),
-    st.floats(-1e6, 1e6),
-)  # fmt: skip
-def test_wind_is_always_finite(speed, exponent, veer, yaw, height):
-    inflow = SteadyInflow(speed, 90.0, exponent, veer=veer, yaw_misalignment=yaw)
-    assert np.isfinite(inflow.velocity([1e6, -1e6, height], 1e9)).all()
 
 
 # --- every wind, asked in every step or in a mirror ---------------------------------------------------------------

@@ -220,13 +220,3 @@ def test_mean_wind_must_fit_the_box_and_points_and_times_be_finite():
     for points, time in (([0.0, math.nan, 90.0], 0.0), ([0.0, 0.0, 90.0], math.nan)):
         with pytest.raises(InflowError):
             TurbulentInflow(box).velocity(points, time)
-
-
-def test_descriptions():
-    inflow = TurbulentInflow(small_box(7), SteadyInflow(8.0, 90.0, shear_exponent=0.2), time_offset=5.0)
-    assert inflow.description == (
-        "Kaimal NTM class B at 8 m/s (sigma_u 1.62 m/s), seed 7, first harmonic times 2.86/2.08/1.6, 20 s, from 5 s, "
-        "power-law profile (exponent 0.2)"
-    )
-    assert "3 x 3 points" in repr(inflow)
-    assert len(repr(inflow)) < 600

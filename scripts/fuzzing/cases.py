@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = ["POLICY_NAMES", "WINDS", "FuzzCase", "draw_case"]
-
 POLICY_NAMES = ("random", "constant", "corner", "component", "bang-bang", "walk", "mixed", "controller")
 """See `fuzzing.policies`."""
 
@@ -46,29 +44,14 @@ _WITH_TABLES = ("nrel_5mw", "iea_15mw", "gebhardt_45m")
 
 @dataclass(frozen=True)
 class FuzzCase:
-    """One environment, its policy and its starts.
+    """One environment, its policy and its starts."""
 
-    Attributes
-    ----------
-    number : int
-        From which all else is drawn.
-    turbine : str
-    wind : str
-        One of `WINDS`.
-    policy : str
-        One of `POLICY_NAMES`.
-    arguments : dict
-        Of `wt_gym.envs.turbine_env.WindTurbineEnv`.
-    odd_starts : bool
-        Whether some episodes start away from an operating point.
-    """
-
-    number: int
+    number: int  #: from which all else is drawn
     turbine: str
-    wind: str
-    policy: str
-    arguments: dict[str, Any]
-    odd_starts: bool
+    wind: str  #: of `WINDS`
+    policy: str  #: of `POLICY_NAMES`
+    arguments: dict[str, Any]  #: of `wt_gym.envs.turbine_env.WindTurbineEnv`
+    odd_starts: bool  #: some episodes start away from an operating point
 
     def __str__(self) -> str:
         mode, pitch = self.arguments["action_mode"], self.arguments["pitch"]
@@ -118,16 +101,7 @@ WINDS: dict[str, Callable[[Turbine, np.random.Generator], dict[str, Any]]] = {
 
 
 def draw_case(number: int, turbines: Sequence[str], fidelity: str = "training") -> FuzzCase:
-    """Draw a case.
-
-    Parameters
-    ----------
-    number : int
-        Of at least 0.
-    turbines : sequence of str
-        To choose from; another choice gives other cases.
-    fidelity : str
-    """
+    """Draw a case; another choice of turbines gives other cases."""
     rng = np.random.default_rng([number, 7])
     name = str(rng.choice(list(turbines)))
     wind, policy = str(rng.choice(list(WINDS))), str(rng.choice(POLICY_NAMES))

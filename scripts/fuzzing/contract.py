@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.simulation import Simulator
 
-__all__ = ["Contract", "ContractBroken", "StepResult"]
-
 _ENDINGS = ("overspeed", "standstill", "tower_strike", "failure")
 _INFO = {
     "time", "wind_speed", "wind_seed", "generator_power", "rotor_speed", "rotor_speed_max", "tip_clearance_min",
@@ -180,7 +178,7 @@ class Contract:
         require(close, f"reward is {result.reward}, the sum of its terms {total}")
         penalty = terms.pop("termination", None)
         require((penalty is not None) == result.terminated, "the term termination does not go with the end")
-        require(penalty in (None, -self.env.termination_penalty), f"the penalty for an end is {penalty}")
+        require(penalty in (None, -self.env.limits.penalty), f"the penalty for an end is {penalty}")
         require(set(terms) == set(self._least), f"reward has the terms {sorted(terms)}")
         for name, value in terms.items():
             least, most = self._least[name], self._most[name]
@@ -198,8 +196,8 @@ class Contract:
             return
         rated = env.turbine.drivetrain.rated_rotor_speed
         due = {
-            "overspeed": info["rotor_speed_max"] > env.overspeed_limit * rated,
-            "standstill": info["rotor_speed"] < env.standstill_limit * rated,
+            "overspeed": info["rotor_speed_max"] > env.limits.overspeed * rated,
+            "standstill": info["rotor_speed"] < env.limits.standstill * rated,
             "tower_strike": info["tip_clearance_min"] <= 0.0,
         }
         expected = next((name for name, holds in due.items() if holds), None)

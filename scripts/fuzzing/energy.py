@@ -15,14 +15,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 
 if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
-
-__all__ = ["EnergyAccount"]
 
 _BETZ = 16.0 / 27.0
 _EXCESS_FACTOR = 2.0
@@ -34,20 +32,13 @@ _AZIMUTHS = 2.0 * math.pi * np.arange(8) / 8
 
 
 class EnergyAccount:
-    """Running account of an episode.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    inflow : Inflow
-    signals : Signals
-        At the start.
+    """Running account of an episode from its first signals.
 
     Attributes
     ----------
     excess : float
         Energy taken beyond Betz's share; sums below zero are forgotten [J].
-    loan : float
+    excess_limit : float
         What the air round the rotor may have lent [J].
     """
 

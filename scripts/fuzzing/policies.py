@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
-__all__ = ["Policy", "make_policy"]
-
 
 class Policy:
     """Actions that take no notice of what they do.
@@ -27,7 +25,6 @@ class Policy:
         "walk": small drawn changes; "mixed": stretches of all these.
     size : int
         Of an action.
-    rng : numpy.random.Generator
     """
 
     def __init__(self, kind: str, size: int, rng: np.random.Generator):
@@ -99,15 +96,7 @@ _SERIES: dict[str, Callable[[int, np.random.Generator], Iterator[np.ndarray]]] =
 
 
 def make_policy(kind: str, env: WindTurbineEnv, rng: np.random.Generator) -> Callable[[np.ndarray, bool], np.ndarray]:
-    """Policy of a case, a function of an observation and of whether it is the first of an episode.
-
-    Parameters
-    ----------
-    kind : str
-        One of `fuzzing.cases.POLICY_NAMES`.
-    env : WindTurbineEnv
-    rng : numpy.random.Generator
-    """
+    """Policy of a case (`fuzzing.cases.POLICY_NAMES`): of an observation, and whether it is the first of an episode."""
     if kind != "controller":
         return Policy(kind, env.layout.action.size, rng)
     names = ["discon", "retuned"]

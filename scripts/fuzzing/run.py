@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import traceback
 import warnings
 from collections import Counter
@@ -20,8 +21,6 @@ from wt_gym.envs.turbine_env import WindTurbineEnv
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-__all__ = ["CaseResult", "Finding", "fuzz", "run_case"]
-
 CASE_STEPS = 400
 """Steps of a case: one or two whole episodes, more of short ones."""
 _SNAPSHOTS, _REFUSALS = 0.01, 0.005
@@ -31,20 +30,11 @@ _TRIED = 4  # steps from a snapshot
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that should not have happened, or that the simulator gave up.
-
-    Attributes
-    ----------
-    kind : str
-        "contract": the environment broke its contract; "exception": it raised what it does not document; "failure": the
-        simulation ended with a clear message, as documented; "start": no steady state was found for a start.
-    case : FuzzCase
-    step : int
-        Of the case.
-    message : str
-    """
+    """Something that should not have happened, or that the simulator gave up."""
 
     kind: str
+    """``contract``: the environment broke its contract; ``exception``: it raised what it does not document;
+    ``failure``: the simulation ended with a clear message, as documented; ``start``: no steady state to start from."""
     case: FuzzCase
     step: int
     message: str
@@ -57,16 +47,7 @@ class Finding:
 
 @dataclass
 class CaseResult:
-    """What a case came to.
-
-    Attributes
-    ----------
-    case : FuzzCase
-    steps, episodes : int
-    endings : Counter
-        Of the episodes that ended.
-    findings : list of Finding
-    """
+    """Steps, episodes and their endings, and findings of a case."""
 
     case: FuzzCase
     steps: int = 0
@@ -82,41 +63,20 @@ def fuzz(
     fidelity: str = "training",
     on_finding: Callable[[Finding], None] | None = None,
 ) -> Iterator[CaseResult]:
-    """Run cases one after the other until so many steps are made.
-
-    Parameters
-    ----------
-    steps : int
-    turbines : sequence of str
-    first : int
-        Number of the first case.
-    fidelity : str
-    on_finding : callable, optional
-        Called with each finding as it comes.
-
-    Yields
-    ------
-    CaseResult
-    """
-    number, made = first, 0
-    while made < steps:
+    """Run cases one after the other, from number ``first`` on, until so many steps are made; findings as they come."""
+    made = 0
+    for number in itertools.count(first):
+        if made >= steps:
+            return
         result = run_case(draw_case(number, turbines, fidelity), min(CASE_STEPS, steps - made), on_finding)
         made += max(result.steps, 1)
-        number += 1
         yield result
 
 
 def run_case(
     case: FuzzCase, steps: int = CASE_STEPS, on_finding: Callable[[Finding], None] | None = None
 ) -> CaseResult:
-    """Run a case; a fault ends it.
-
-    Parameters
-    ----------
-    case : FuzzCase
-    steps : int
-    on_finding : callable, optional
-    """
+    """Run a case; a fault ends it."""
     result = CaseResult(case)
 
     def found(kind: str, message: str) -> None:

@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import re
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
@@ -26,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 from scipy.stats import binomtest
+from study_pages import DATA, ROOT, TRAINED, markdown, read_json, renew
 
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.base.files import write_text_whole
@@ -35,14 +35,13 @@ from wt_gym.envs.terminations import violated
 from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, TrainedAgent, model_digests, read_record
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
-ROOT = Path(__file__).resolve().parents[2]
-RECORD = ROOT / "docs" / "data" / "budget_study.json"
-PAGE = ROOT / "docs" / "howto" / "budgets.md"
-AGENT = ROOT / "agents" / "trained" / "faults"
-MARKED = re.compile(r"(<!-- budget study -->\n).*?(<!-- end -->)", re.DOTALL)
+RECORD, PAGE, AGENT = DATA / "budget_study.json", ROOT / "docs" / "howto" / "budgets.md", TRAINED / "faults"
 TASK, BASE, PLAIN, FILTERED = POLICIES = ("task", "base", "agent", "filtered")
+NAMES = {
+    TASK: "controller of the task", BASE: "base controller", PLAIN: "agent", FILTERED: "agent under the filter",
+}  # fmt: skip
 LIMITS = {"pitch_travel": 6000.0, "rotor_speed": 1.15, "tip_clearance": 3.2, "tower_acceleration": 1.0}
 """Of the pages; an operator has others."""
 TEXTS = {
@@ -51,6 +50,16 @@ TEXTS = {
     "tip_clearance": "tip clearance below {:g} m",
     "tower_acceleration": "tower acceleration above {:g} m/s²",
 }
+FIGURES = (
+    ("most", "pitch_travel", "most pitch travel [rad/d]", 0),
+    ("most", "rotor_speed", "highest rotor speed [of rated]", 3),
+    ("most", "tip_clearance", "least tip clearance [m]", 2),
+    ("most", "tower_acceleration", "largest tower acceleration [m/s²]", 2),
+    ("mean", "travel", "mean pitch travel [rad/d]", 0),
+    ("mean", "flap", "mean flap DEL of 30 s [MN m]", 3),
+    ("mean", "power", "mean power [MW]", 3),
+)
+"""Rows of the table: part and name in a count, text, and digits."""
 FIRST_SEED = 10_000_000
 """Of the episodes; those of trainings are small numbers."""
 WIND_SEEDS = tuple(range(5001, 5033))
@@ -62,12 +71,6 @@ HORIZON, WATCH = 5.0, 0.75
 CHUNK = 20
 """Episodes after which results are written."""
 FLAP_EXPONENT = 10.0
-
-
-@lru_cache
-def loaded(agent: Path) -> Any:
-    """The agent of a folder, once in a process."""
-    return TrainedAgent.load(agent)
 
 
 @lru_cache
@@ -88,6 +91,10 @@ def environment(policy: str, agent: Path) -> Any:
     return SafetyFilter(env, horizon=HORIZON, watch=WATCH) if policy == FILTERED else env
 
 
+_loaded = lru_cache(TrainedAgent.load)
+"""The agent of a folder, once in a process."""
+
+
 def play(policy: str, agent: Path, episode: int) -> dict[str, Any]:
     """Play one episode.
 
@@ -105,7 +112,7 @@ def play(policy: str, agent: Path, episode: int) -> dict[str, Any]:
     dict
         As JSON values.
     """
-    env, model = environment(policy, agent), loaded(agent)
+    env, model = environment(policy, agent), _loaded(agent)
     plain = env.unwrapped
     observation, info = env.reset(seed=FIRST_SEED + episode)
     fault = info["fault"]
@@ -172,7 +179,7 @@ def run(folder: Path, agent: Path, episodes: int, paired: int, jobs: int) -> Non
     """
     folder.mkdir(parents=True, exist_ok=True)
     mine, head = setup(agent), folder / "setup.json"
-    if head.is_file() and (theirs := json.loads(head.read_text(encoding="utf-8"))) != mine:
+    if head.is_file() and (theirs := read_json(head)) != mine:
         other = ", ".join(name for name in mine if theirs.get(name) != mine[name])
         raise ValueError(f"the results in {folder} have another {other}: give --out another folder")
     write_text_whole(head, json.dumps(mine) + "\n")
@@ -215,26 +222,25 @@ def summary(found: dict[str, dict[int, dict[str, Any]]], head: dict[str, Any]) -
     agent = found[PLAIN]
     n = next(k for k in range(len(agent) + 1) if k not in agent)
     paired = next(k for k in range(n + 1) if k == n or any(k not in found[policy] for policy in POLICIES))
-    counts = {
-        PLAIN: counted(agent[k] for k in range(n)),
-        "paired_counts": {policy: counted(found[policy][k] for k in range(paired)) for policy in POLICIES if paired},
-    }
+    kinds = sorted({agent[k]["kind"] for k in range(n)}, key=lambda kind: (kind != "none", kind))
     beyond = []
     for k in (k for k in range(n) if agent[k]["violated"]):
-        others = {policy: found[policy][k]["violated"] if k in found[policy] else None for policy in (BASE, FILTERED)}
-        swung = {policy: found[policy][k]["acceleration"] for policy in (PLAIN, BASE, FILTERED) if k in found[policy]}
+        rows = {policy: found[policy].get(k) for policy in (PLAIN, BASE, FILTERED)}
         own = {name: agent[k][name] for name in ("episode", "kind", "wind", "violated", "ending")}
-        beyond.append(own | others | {"acceleration": swung})
-    kinds = {kind: counted(row for k in range(n) if (row := agent[k])["kind"] == kind) for kind in kinds_of(agent, n)}
-    acted = {kind: filtered_of(found[FILTERED][k] for k in range(paired) if agent[k]["kind"] == kind) for kind in kinds}
-    out = {"setup": head, "episodes": n, "paired": paired, **counts}
-    return out | {"kinds": kinds, "filtered": acted, "beyond": beyond}
-
-
-def kinds_of(rows: dict[int, dict[str, Any]], n: int) -> list[str]:
-    """Kinds of faults of the first episodes, "none" before the others."""
-    found = sorted({rows[k]["kind"] for k in range(n)})
-    return [kind for kind in found if kind == "none"] + [kind for kind in found if kind != "none"]
+        own |= {policy: rows[policy] and rows[policy]["violated"] for policy in (BASE, FILTERED)}
+        beyond.append(own | {"acceleration": {policy: row["acceleration"] for policy, row in rows.items() if row}})
+    return {
+        "setup": head,
+        "episodes": n,
+        "paired": paired,
+        PLAIN: counted(agent[k] for k in range(n)),
+        "paired_counts": {policy: counted(found[policy][k] for k in range(paired)) for policy in POLICIES if paired},
+        "kinds": {kind: counted(agent[k] for k in range(n) if agent[k]["kind"] == kind) for kind in kinds},
+        "filtered": {
+            kind: filtered_of(found[FILTERED][k] for k in range(paired) if agent[k]["kind"] == kind) for kind in kinds
+        },
+        "beyond": beyond,
+    }
 
 
 def filtered_of(rows: Iterable[dict[str, Any]]) -> float | None:
@@ -260,16 +266,12 @@ def counted(rows: Iterable[dict[str, Any]]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def interval(count: int, n: int) -> tuple[float, float]:
-    """Exact 95 % interval of a share (Clopper and Pearson, 1934)."""
-    found = binomtest(count, n).proportion_ci(0.95, method="exact")
-    return float(found.low), float(found.high)
-
-
 def share(count: int, n: int) -> str:
-    """A count with its interval, per thousand episodes."""
+    """A count per thousand episodes with its exact 95 % interval (Clopper and Pearson, 1934)."""
+    interval = binomtest(count, n).proportion_ci(0.95, method="exact")
     most, low, high = (
-        f"{1e3 * value:.0f}" if value >= 0.01 else f"{1e3 * value:.2g}" for value in (count / n, *interval(count, n))
+        f"{1e3 * value:.0f}" if value >= 0.01 else f"{1e3 * value:.2g}"
+        for value in (count / n, interval.low, interval.high)
     )
     return f"{count} ({most} ‰, {low} to {high} ‰)"
 
@@ -281,80 +283,52 @@ def added(record: dict[str, Any]) -> int:
 
 def tables(record: dict[str, Any]) -> str:
     """Markdown of a summary."""
-    return "\n\n".join("\n".join(part) for part in parts(record))
+    names = dict(
+        zip(POLICIES, ("controller of the task", "base controller", "agent", "agent under the filter"), strict=True)
+    )
+    columns = [("agent", record[PLAIN]), *((names[name], one) for name, one in record["paired_counts"].items())]
 
+    def line(text: str, cell: Callable[[dict[str, Any]], str]) -> list[str]:
+        return [text, *(cell(one) for _, one in columns)]
 
-def parts(record: dict[str, Any]) -> Iterator[list[str]]:
-    """Lines of the tables."""
-    whole, limits = record[PLAIN], record["setup"]["limits"]
-    columns = [("agent", whole)]
-    names = {
-        TASK: "controller of the task",
-        BASE: "base controller",
-        PLAIN: "agent",
-        FILTERED: "agent under the filter",
-    }
-    columns += [(names[policy], record["paired_counts"][policy]) for policy in POLICIES if record["paired_counts"]]
-    yield [
-        "| episodes with | " + " | ".join(f"{text}, {one['episodes']} episodes" for text, one in columns) + " |",
-        "|" + " --- |" * (1 + len(columns)),
-        *(
-            f"| {TEXTS[name].format(limit)} | "
-            + " | ".join(share(one["limits"][name], one["episodes"]) for _, one in columns)
-            + " |"
-            for name, limit in limits.items()
-        ),
-        "| any of them | " + " | ".join(share(one["any"], one["episodes"]) for _, one in columns) + " |",
-        "| any, and none seen under the base controller | "
-        + " | ".join([share(added(record), whole["episodes"]), *["–"] * (len(columns) - 1)])
-        + " |",
-        "| an early end | " + " | ".join(str(one["ended"]) for _, one in columns) + " |",
-        *(
-            f"| {text} | " + " | ".join(f"{one['most'][name]:.{digits}f}" for _, one in columns) + " |"
-            for name, text, digits in (
-                ("pitch_travel", "most pitch travel [rad/d]", 0),
-                ("rotor_speed", "highest rotor speed [of rated]", 3),
-                ("tip_clearance", "least tip clearance [m]", 2),
-                ("tower_acceleration", "largest tower acceleration [m/s²]", 2),
-            )
-        ),
-        *(
-            f"| {text} | " + " | ".join(f"{one['mean'][name]:.{digits}f}" for _, one in columns) + " |"
-            for name, text, digits in (
-                ("travel", "mean pitch travel [rad/d]", 0),
-                ("flap", "mean flap DEL of 30 s [MN m]", 3),
-                ("power", "mean power [MW]", 3),
-            )
-        ),
-        "| steps replaced | " + " | ".join(f"{100.0 * one['filtered']:.2f} %" for _, one in columns) + " |",
+    counts = [
+        line(TEXTS[name].format(limit), lambda one, name=name: share(one["limits"][name], one["episodes"]))
+        for name, limit in record["setup"]["limits"].items()
     ]
-    lines = [
-        "| fault | episodes | with a violation | of these the base controller too | of these under the filter | "
-        "steps replaced |",
-        "|" + " --- |" * 6,
+    numbers = [
+        line(text, lambda one, kind=kind, name=name, digits=digits: f"{one[kind][name]:.{digits}f}")
+        for kind, name, text, digits in FIGURES
     ]
+    faults = []
     for kind, one in record["kinds"].items():
-        beyond = [row for row in record["beyond"] if row["kind"] == kind]
-        alike = [sum(bool(row[policy]) for row in beyond) for policy in (BASE, FILTERED)]
-        acted = record["filtered"][kind]
-        replaced = "–" if acted is None else f"{100.0 * acted:.2f} %"
-        lines.append(f"| {kind} | {one['episodes']} | {one['any']} | {alike[0]} | {alike[1]} | {replaced} |")
-    yield lines
-
-
-def with_tables(text: str, record: dict[str, Any]) -> str:
-    """A page with its tables as the record has them."""
-    return MARKED.sub(lambda found: f"{found[1]}{tables(record)}\n{found[2]}", text)
+        beyond, replaced = [row for row in record["beyond"] if row["kind"] == kind], record["filtered"][kind]
+        alike = (str(sum(bool(row[policy]) for row in beyond)) for policy in (BASE, FILTERED))
+        acted = "–" if replaced is None else f"{100.0 * replaced:.2f} %"
+        faults.append([kind, str(one["episodes"]), str(one["any"]), *alike, acted])
+    only = share(added(record), record[PLAIN]["episodes"])
+    heads = ("fault", "episodes", "with a violation", "of these the base controller too",
+             "of these under the filter", "steps replaced")  # fmt: skip
+    return "\n\n".join([
+        markdown(["episodes with", *(f"{text}, {one['episodes']} episodes" for text, one in columns)], [
+            *counts,
+            line("any of them", lambda one: share(one["any"], one["episodes"])),
+            ["any, and none seen under the base controller", only, *["–"] * (len(columns) - 1)],
+            line("an early end", lambda one: str(one["ended"])),
+            *numbers,
+            line("steps replaced", lambda one: f"{100.0 * one['filtered']:.2f} %"),
+        ]),
+        markdown(heads, faults),
+    ])  # fmt: skip
 
 
 def record_of(folder: Path | None) -> dict[str, Any]:
     """Summary of a folder, or the record that is kept."""
     if folder is None:
-        return json.loads(RECORD.read_text(encoding="utf-8"))
+        return read_json(RECORD)
     found = read(folder)
     if 0 not in found[PLAIN]:
         raise ValueError(f"{folder} has no results yet")
-    return summary(found, json.loads((folder / "setup.json").read_text(encoding="utf-8")))
+    return summary(found, read_json(folder / "setup.json"))
 
 
 def main(words: list[str] | None = None) -> int:
@@ -374,9 +348,7 @@ def main(words: list[str] | None = None) -> int:
     text = tables(record)
     if arguments.command == "pages":
         write_text_whole(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
-        write_text_whole(PAGE, with_tables(PAGE.read_text(encoding="utf-8"), record))
-    elif arguments.out is not None:
-        write_text_whole(arguments.out / "table.md", text + "\n")
+        renew(PAGE, {"budget study": lambda _: text})
     print(text)
     return 0
 

@@ -1,7 +1,7 @@
 """The ceiling of a task of the benchmark: the score where the wind is known, and the value of information.
 
     python scripts/studies/ceiling.py --task load-reduction --winds 3
-    python scripts/studies/ceiling.py --page docs/benchmark.md      # with the tables of all ceilings
+    python scripts/studies/ceiling.py --task --page docs/benchmark.md      # the tables of all ceilings alone
 
 Writes wt_gym/experiment/benchmark_data/ceilings/NAME.json. `make_ceiling` identifies the plant in training winds,
 learns offsets in the winds of the task (`ceiling_oracle`) and forecasts what linear laws with more and more information
@@ -10,24 +10,25 @@ reach (`ceiling_ladder`). Every run is stored.
 
 from __future__ import annotations
 
-import argparse
 import datetime
 import json
 import sys
-from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
 from ceiling_ladder import Rung, Seen, climb, known_wind, rungs_of, see
 from ceiling_oracle import OracleOptions, Played, best_of, learn_offsets
+from study_pages import markdown
 
 from wt_gym.analysis.results import Wind
 from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_text_whole
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.commands.benchmark import KEPT, chosen
 from wt_gym.commands.options import WORKERS, add_shared, executor_of
 from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
@@ -37,14 +38,15 @@ from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.benchmark import (
+    BenchmarkAgent,
     BenchmarkRun,
     ResultFolder,
-    definition_of,
     entry_of,
     into_page,
     make_env,
     play_task,
-    run_definition,
+    run_jobs,
+    task_fingerprint,
 )
 from wt_gym.experiment.benchmark_tasks import Ceiling, ceiling_file, ceiling_of
 from wt_gym.experiment.comparison import inflow_of
@@ -62,98 +64,48 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.control import Demand
-    from wt_gym.control.controllers import Controller, Readings
+    from wt_gym.control.controllers import Readings
     from wt_gym.experiment.benchmark_tasks import BenchmarkTask, BenchmarkWind
     from wt_gym.experiment.execute import Executor
     from wt_gym.learning.linear_design import Plant
     from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 _SHOWN = {
     "captured_power": "power", "blade_flap_del": "flap DEL", "tower_fore_aft_del": "tower f-a DEL",
     "tower_side_side_del": "tower s-s DEL",
 }  # fmt: skip
 """Changes that a table shows."""
+_CHANGES = (*_SHOWN, "blade_edge_del", "pitch_travel")
+"""Metrics whose change is written down."""
 _EXCITATION_SEED = 100
 """First seed of the drawn offsets; that of the wind is added."""
-_CHANGES = (
-    "captured_power", "blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_side_del", "pitch_travel",
+_CHANNELS = (
+    "time", "azimuth", "nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side", "rotor_speed",
+    "tower_base_fore_aft_moment", "tower_base_side_side_moment", "generator_power",
 )  # fmt: skip
-"""Metrics whose change is written down."""
+_OF_BLADES = ("root_flap_moment", "root_edge_moment", "pitch")
 
 
-@dataclass(frozen=True)
-class CeilingOptions:
-    """How a ceiling is made.
+@option_record
+class CeilingOptions(Options):
+    """Settings of a ceiling."""
 
-    Attributes
-    ----------
-    winds : int
-        Of each speed of the task, the first ones.
-    duration : float or None
-        Of a run in them [s]; None: the task's.
-    base : str
-        Base controller of the offsets.
-    seeds : tuple of int
-        Training winds in which the plant is identified and the ladder is fitted; all are run with drawn offsets too.
-    recorded : float
-        Length of these runs [s].
-    oracle : OracleOptions
-    ladder : bool
-        Whether the ladder of information is made.
-    """
+    title = "ceiling"
 
-    winds: int = 3
-    duration: float | None = None
-    base: str = "side_side_damper"
-    seeds: tuple[int, ...] = (1, 2, 3)
-    recorded: float = 300.0
-    oracle: OracleOptions = field(default_factory=OracleOptions)
-    ladder: bool = True
-
-    def __post_init__(self) -> None:
-        if self.winds < 1:
-            raise ValueError(f"winds must be at least 1, got {self.winds!r}")
-
-    def design_task(self, speeds: tuple[float, ...], fidelity: str) -> LinearDesignTask:
-        """Recordings of training winds; it checks the numbers."""
-        return LinearDesignTask(
-            speeds=speeds, seeds=self.seeds, excited=len(self.seeds), duration=self.recorded, base=self.base,
-            limit=self.oracle.limit, rate_limit=self.oracle.rate_limit, fade=False, fidelity=fidelity,
-        )  # fmt: skip
-
-
-class _Recorder:
-    """Controller that plays offsets on another one and keeps what it reads."""
-
-    def __init__(self, beneath: Controller, played: DrawnOffsets, n_blades: int) -> None:
-        self._combined = Combined(beneath, played)
-        self.channels = self._combined.channels
-        blades = range(1, n_blades + 1)
-        self.names = (
-            "time", "azimuth", "nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side", "rotor_speed",
-            "tower_base_fore_aft_moment", "tower_base_side_side_moment", "generator_power",
-            *(f"{name}_{b}" for name in ("root_flap_moment", "root_edge_moment", "pitch") for b in blades),
-        )  # fmt: skip
-        self.rows: list[list[float]] = []
-        self.dt = 0.0
-
-    @property
-    def lidar(self) -> Any:
-        return lidar_of(self._combined)
-
-    def start(self, signals: Readings, demand: Demand) -> None:
-        self._combined.start(signals, demand)
-        self.rows = []
-
-    def step(self, signals: Readings, dt: float) -> Demand:
-        self.dt = dt
-        self.rows.append([signals[name] for name in self.names])
-        return self._combined.step(signals, dt)
+    winds: int = option("winds of each speed of the task, the first ones", default=3, low=1)
+    duration: float | None = option("length of a run in them", default=None, unit="s", otherwise="the task's")
+    base: str = option("base controller of the offsets", default="side_side_damper")
+    seeds: tuple[int, ...] = option(
+        "training winds in which the plant is identified and the ladder is fitted; all are run with drawn offsets too",
+        default=(1, 2, 3),
+    )  # fmt: skip
+    recorded: float = option("length of these runs", default=300.0, unit="s")
+    oracle: OracleOptions = option("how offsets are learned", default=OracleOptions(), kinds=(OracleOptions,))
+    ladder: bool = option("make the ladder of information", default=True)
 
 
 class OffsetsPlayer:
-    """Agent that leaves everything to the base controller of its environment, on which it plays offsets of the pitch.
+    """Agent that plays offsets of the pitch on the base controller of its environment, whose place it takes.
 
     The offsets begin with the first step after the reset, whatever the controller did before.
 
@@ -169,35 +121,46 @@ class OffsetsPlayer:
 
     def __init__(self, env: gym.Env, levels: NDArray[np.float64], limit: float, rate_limit: float) -> None:
         self._env, self._still = turbine_env_of(env), ConstantAgent(layout_of(env))
-        turbine = self._env.turbine
-        self._played = DrawnOffsets(PitchOffsets(turbine, limit, rate_limit, False), levels)
-        self._recorder: _Recorder | None = None
+        self._turbine = self._env.turbine
+        self._played = DrawnOffsets(PitchOffsets(self._turbine, limit, rate_limit, False), levels)
+        self._names = (*_CHANNELS, *(f"{name}_{b + 1}" for name in _OF_BLADES for b in range(self._turbine.n_blades)))
+        self._combined: Combined | None = None
+        self._rows: list[list[float]] = []
+        self._dt = 0.0
 
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> Any:
         """Act by nothing; the offsets act through the base controller."""
-        if self._recorder is None:
+        if self._combined is None:
             operation = self._env.operation
-            beneath = cast("Controller", operation.controller)
             self._played.start(operation.signals)
-            operation.controller = self._recorder = _Recorder(beneath, self._played, self._env.turbine.n_blades)
+            self._combined = Combined(operation.controller, self._played)
+            self.channels, self.lidar = self._combined.channels, lidar_of(self._combined)
+            operation.controller = self
         return self._still.predict(observation, state, episode_start, deterministic)
 
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Begin, as a controller."""
+        self._combined.start(signals, demand)
+        self._rows = []
+
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand of the base controller with the offsets."""
+        self._dt = dt
+        self._rows.append([signals[name] for name in self._names])
+        return self._combined.step(signals, dt)
+
     def recording(self) -> Recording:
-        """What was played, up to the instant of the last offset."""
-        recorder, turbine = cast("_Recorder", self._recorder), self._env.turbine
-        channels = dict(zip(recorder.names, np.array(recorder.rows).T, strict=True))
+        """The run up to the instant of the last offset."""
+        channels = dict(zip(self._names, np.array(self._rows).T, strict=True))
         offsets, share = np.array(self._played.acting).T[:, :-1], np.array(self._played.share)[:-1]
-        return Recording.of_channels(channels, turbine, recorder.dt, offsets, share)
+        return Recording.of_channels(channels, self._turbine, self._dt, offsets, share)
 
 
 @dataclass(frozen=True)
 class _Runs:
-    """Runs in the winds of a task, each kept when it is done.
-
-    A run is a result of the benchmark, and the recording of it.
-    """
+    """Runs in the winds of a task, each kept when it is done: a result of the benchmark, and its recording."""
 
     task: BenchmarkTask
     options: CeilingOptions
@@ -206,23 +169,19 @@ class _Runs:
     def controller(self, name: str, wind: BenchmarkWind) -> dict[str, Any]:
         """Result of a controller, as the benchmark itself makes and keeps it."""
         job = BenchmarkRun(self.task, wind, entry_of(name))
-        definition, results = definition_of(job), ResultFolder(self.folder)
-        if (kept := results.find(definition)) is not None:
-            return cast("dict[str, Any]", kept)
-        made = play_task(self.task, wind, job.entry.make, job.entry.interface)
-        result = {"definition": definition, "agent": job.entry.name, **made}
-        results.keep(definition, result)
-        return result
+        folder = ResultFolder(self.folder)
+        run_jobs([job], folder, progress=False)
+        return folder.read(job.definition)
 
     def offsets(self, wind: BenchmarkWind, levels: NDArray[np.float64]) -> tuple[dict[str, Any], Recording | None]:
         """Result and recording of offsets; none of a run that ended before its time."""
         oracle = self.options.oracle
         interface = {**RESIDUAL_INTERFACE, "controller": [self.options.base, {}]}
         agent = {
-            "name": "offsets", "kind": "offsets", "offsets": described(np.asarray(levels)), "limit": oracle.limit,
+            "kind": "offsets", "offsets": described(np.asarray(levels)), "limit": oracle.limit,
             "rate_limit": oracle.rate_limit,
         }  # fmt: skip
-        definition = run_definition(self.task, wind, agent, interface)
+        definition = BenchmarkRun(self.task, wind, BenchmarkAgent("offsets", "", agent, interface)).definition
         results, recordings = ResultFolder(self.folder), RecordingStore(self.folder / "recordings", Recording)
         if (found := results.find(definition)) is not None:
             kept = recordings.find(definition)
@@ -234,54 +193,39 @@ class _Runs:
             players.append(OffsetsPlayer(env, levels, oracle.limit, oracle.rate_limit))
             return players[-1]
 
-        made = play_task(self.task, wind, make, interface)
-        result = {"definition": definition, "agent": "offsets", **made}
-        recording = players[-1].recording() if made["ending"] == "time" else None
+        result = {"definition": definition, "agent": "offsets", **play_task(self.task, wind, make, interface)}
+        recording = players[-1].recording() if result["ending"] == "time" else None
         if recording is not None:
             recordings.keep(definition, recording)
         results.keep(definition, result)
         return result, recording
 
 
-def _played(
-    runs: _Runs, wind: BenchmarkWind, baseline: dict[str, float], levels: NDArray[np.float64]
-) -> tuple[Played, dict[str, float]]:
-    """A run with offsets, and its metrics."""
-    result, recording = runs.offsets(wind, levels)
-    if result["ending"] != "time":
-        return Played(None, None, (result["ending"],)), {}
-    metrics = result["metrics"]
-    broken = runs.task.broken_limits(metrics, baseline)
-    return Played(recording, runs.task.improvement(metrics, baseline), broken), metrics
-
-
 def _in_wind(runs: _Runs, plants: dict[float, Plant], turbine: Turbine, wind: BenchmarkWind) -> dict[str, Any]:
     """Learn offsets in one wind."""
-    metrics: list[dict[str, float]] = []
+    task, metrics = runs.task, []
     baseline = runs.controller(BASELINE, wind)
     if baseline["ending"] != "time":
         raise BenchmarkError(f"the baseline controller must complete {wind.label}, it ended with {baseline['ending']}")
-    yardstick = runs.controller(runs.task.yardstick, wind) if runs.task.yardstick else None
+    base = baseline["metrics"]
 
     def play_levels(levels: NDArray[np.float64]) -> Played:
-        played, found = _played(runs, wind, baseline["metrics"], levels)
-        metrics.append(found)
-        return played
+        result, recording = runs.offsets(wind, levels)
+        metrics.append(result["metrics"])
+        if result["ending"] != "time":
+            return Played(None, None, (result["ending"],))
+        return Played(recording, task.improvement(metrics[-1], base), task.broken_limits(metrics[-1], base))
 
-    base = play_levels(np.zeros((3, 0)))
-    passes = learn_offsets(play_levels, base, plants[wind.speed], turbine, runs.options.oracle)
+    passes = learn_offsets(play_levels, play_levels(np.zeros((3, 0))), plants[wind.speed], turbine, runs.options.oracle)
     best = best_of(passes)
     found = metrics[next(k for k, played in enumerate(passes) if played is best)]
-    changes = {name: relative_change(found[name], baseline["metrics"][name]) for name in _CHANGES}
-    gained = None
-    if yardstick is not None and yardstick["ending"] == "time":
-        gained = runs.task.improvement(yardstick["metrics"], baseline["metrics"])
+    reference = runs.controller(task.yardstick, wind) if task.yardstick else {"ending": None}
     return {
         "improvement": best.value,
         "passes": [None if played.broken else played.value for played in passes],
         "broken": [list(played.broken) for played in passes],
-        "yardstick": gained,
-        "changes": changes,
+        "yardstick": task.improvement(reference["metrics"], base) if reference["ending"] == "time" else None,
+        "changes": {name: relative_change(found[name], base[name]) for name in _CHANGES},
         "offsets_rms_deg": None if best.run is None else np.degrees(best.run.offsets.std(1)).round(3).tolist(),
     }
 
@@ -291,7 +235,7 @@ def _record(turbine: Turbine, task: LinearDesignTask, run: tuple[float, int, boo
     speed, seed, excited = run
     offsets = PitchOffsets(turbine, task.limit, task.rate_limit, False)
     drawn = (task.excitation, _EXCITATION_SEED + seed) if excited else None
-    return record(turbine, task.base, speed, seed, task.duration, offsets, drawn, task.fidelity)
+    return record(turbine, task.base, Wind(speed, seed), task.duration, offsets, drawn, task.fidelity)
 
 
 def make_ceiling(
@@ -299,7 +243,7 @@ def make_ceiling(
     folder: Path,
     options: CeilingOptions | None = None,
     executor: Executor | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Ceiling:
     """Make the ceiling of a task.
 
@@ -309,10 +253,9 @@ def make_ceiling(
         With turbulent winds.
     folder : path
         Of the runs; what is there is not made again.
-    options : CeilingOptions, optional
     executor : Executor, optional
         Of `wt_gym.experiment.execute`, entered: does the runs, one wind after another by default.
-    progress : callable, optional
+    progress : callable
         Called with a line after every recording, wind and rung.
 
     Raises
@@ -322,33 +265,32 @@ def make_ceiling(
     wt_gym.base.errors.SimulationError
         If a run of a training wind fails.
     """
-    options, say = options or CeilingOptions(), progress or (lambda _: None)
+    options = options or CeilingOptions()
     executor = SerialExecutor() if executor is None else executor
     if any(wind.transient is not None for wind in task.winds):
         raise BenchmarkError(f"task {task.name}: a ceiling is made of turbulent winds, this one has transients")
     played = task if options.duration is None else replace(task, duration=options.duration)
     environment = {**gym.spec(task.env_id).kwargs, **task.env_kwargs}
-    turbine, fidelity = load_turbine(environment["turbine"]), environment["fidelity"]
-    speeds = tuple(sorted({wind.speed for wind in task.winds}))
-    design_task = options.design_task(speeds, fidelity)
+    turbine, speeds = load_turbine(environment["turbine"]), tuple(sorted({wind.speed for wind in task.winds}))
+    design_task = LinearDesignTask(
+        speeds=speeds, seeds=options.seeds, excited=len(options.seeds), duration=options.recorded, base=options.base,
+        limit=options.oracle.limit, rate_limit=options.oracle.rate_limit, fade=0.0, fidelity=environment["fidelity"],
+    )  # fmt: skip
     runs = _Runs(played, options, folder)
-    fingerprint = run_definition(task, task.winds[0], {})["fingerprint"]
+    fingerprint = task_fingerprint(task)
 
     recordings = RecordingStore(folder / "recordings", Recording)
-    found: dict[tuple[float, int, bool], Recording] = {}
     definitions = {
         run: {"fingerprint": fingerprint, "ceiling": described(asdict(design_task)), "run": list(run)}
         for run in design_task.runs
     }
-    for run, definition in definitions.items():
-        if (kept := recordings.find(definition)) is not None:
-            found[run] = kept
+    found = {run: kept for run, known in definitions.items() if (kept := recordings.find(known)) is not None}
     left = [run for run in design_task.runs if run not in found]
     for run, made in executor.results(partial(_record, turbine, design_task), left):
         found[run] = made
         recordings.keep(definitions[run], made)
-        say(f"recording {len(found)} of {len(definitions)}: {run[0]:g} m/s, seed {run[1]}"
-            f"{', with drawn offsets' if run[2] else ''}")  # fmt: skip
+        progress(f"recording {len(found)} of {len(definitions)}: {run[0]:g} m/s, seed {run[1]}"
+                 f"{', with drawn offsets' if run[2] else ''}")  # fmt: skip
     plants, explained = {}, {}
     for speed in speeds:
         still, excited = ([found[speed, seed, drawn] for seed in options.seeds] for drawn in (False, True))
@@ -360,13 +302,12 @@ def make_ceiling(
     for wind, row in executor.results(partial(_in_wind, runs, plants, turbine), winds):
         rows[wind.label] = row
         learned = ", ".join("broken" if value is None else f"{100 * value:+.2f}" for value in row["passes"])
-        say(f"{wind.label}: improvement by passes in %: {learned}; {task.yardstick} "
-            + ("–" if row["yardstick"] is None else f"{100 * row['yardstick']:+.2f}"))  # fmt: skip
-    ladder = _ladder(runs, design_task, found, plants, turbine, winds, fingerprint, say) if options.ladder else []
+        progress(f"{wind.label}: improvement by passes in %: {learned}; {task.yardstick} "
+                 + ("–" if row["yardstick"] is None else f"{100 * row['yardstick']:+.2f}"))  # fmt: skip
+    still = {(speed, seed): recording for (speed, seed, drawn), recording in found.items() if not drawn}
+    ladder = _ladder(runs, still, plants, turbine, winds, fingerprint, progress) if options.ladder else []
     weights = [wind.weight for wind in winds]
-    gains = [rows[wind.label]["improvement"] for wind in winds]
     known = [rows[wind.label]["yardstick"] for wind in winds]
-    yardstick = None if any(value is None for value in known) else float(np.average(known, weights=weights))
     return Ceiling(
         task=task.name,
         version=task.version,
@@ -375,47 +316,34 @@ def make_ceiling(
         made={"date": datetime.date.today().isoformat(), **runs.controller(BASELINE, winds[0])["made_with"]},
         how={"duration": played.duration, "skip": played.skip, **described(asdict(options))},
         explained=explained,
-        improvement=float(np.average(gains, weights=weights)),
+        improvement=float(np.average([rows[wind.label]["improvement"] for wind in winds], weights=weights)),
         yardstick=task.yardstick,
-        yardstick_improvement=yardstick,
+        yardstick_improvement=None if None in known else float(np.average(known, weights=weights)),
         winds={wind.label: rows[wind.label] for wind in winds},
         ladder=ladder,
     )
 
 
-def _inflow(task: BenchmarkTask, wind: BenchmarkWind) -> Inflow:
-    """Inflow of a run of a task: its box is as long as the run asks for."""
-    sampler = turbine_env_of(make_env(task, wind)).wind
-    drawn = sampler.sample(np.random.default_rng(0), wind.speed, wind.seed, 0.0, task.duration)
-    return drawn.inflow
-
-
 def _ladder(
-    runs: _Runs,
-    task: LinearDesignTask,
-    found: dict[tuple[float, int, bool], Recording],
-    plants: dict[float, Plant],
-    turbine: Turbine,
-    winds: Sequence[BenchmarkWind],
-    fingerprint: dict[str, Any],
-    say: Callable[[str], None],
-) -> list[dict[str, Any]]:
+    runs: _Runs, still: dict[tuple[float, int], Recording], plants: dict[float, Plant], turbine: Turbine,
+    winds: Sequence[BenchmarkWind], fingerprint: dict[str, Any], progress: Callable[[str], None],
+) -> list[dict[str, Any]]:  # fmt: skip
     """What linear laws with more and more information are forecast to reach in the winds of the task."""
     options, store = runs.options.oracle, RunStore(runs.folder / "ladder")
-    seen: dict[float, tuple[list[Seen], list[Seen]]] = {}
+    weights = [sum(wind.weight for wind in winds if wind.speed == speed) for speed in plants]
 
+    @cache
     def both(speed: float) -> tuple[list[Seen], list[Seen]]:
         """Training winds, and those of the task, at a speed."""
-        if speed not in seen:
-            inflows = {seed: inflow_of(turbine, Wind(speed, seed)) for seed in task.seeds}
-            fitted = [see(found[speed, seed, False], turbine, inflows[seed]) for seed in task.seeds]
-            tested = []
-            for wind in winds:
-                if wind.speed == speed:
-                    _, recording = runs.offsets(wind, np.zeros((3, 0)))
-                    tested.append(see(cast("Recording", recording), turbine, _inflow(runs.task, wind)))
-            seen[speed] = fitted, tested
-        return seen[speed]
+        seeds = [seed for own, seed in still if own == speed]
+        fitted = [see(still[speed, seed], turbine, inflow_of(turbine, Wind(speed, seed))) for seed in seeds]
+        tested = []
+        for wind in (wind for wind in winds if wind.speed == speed):
+            # the box of the turbulence is as long as the run
+            sampler = turbine_env_of(make_env(runs.task, wind)).wind
+            drawn = sampler.sample(np.random.default_rng(0), speed, wind.seed, 0.0, runs.task.duration)
+            tested.append(see(runs.offsets(wind, np.zeros((3, 0)))[1], turbine, drawn.inflow))
+        return fitted, tested
 
     def climbed(rung: Rung | None) -> dict[str, float]:
         """Mean over the speeds, each with the weight of its winds."""
@@ -426,7 +354,6 @@ def _ladder(
                 known_wind(tested, plant, turbine, options) if rung is None
                 else climb(rung, fitted, tested, plant, turbine, options)
             )  # fmt: skip
-        weights = [sum(wind.weight for wind in winds if wind.speed == speed) for speed in plants]
         return {key: float(np.average([row[key] for row in rows], weights=weights)) for key in rows[0]}
 
     out = []
@@ -438,9 +365,8 @@ def _ladder(
             "options": described(asdict(runs.options)),
         }  # fmt: skip
         row = store.find(definition) or store.keep(definition, climbed(rung))
-        row = {"name": name} | {key: value for key, value in row.items() if key != "definition"}
-        out.append(row)
-        say(f"{name}: forecast improvement over {task.base} {100 * row['improvement']:+.2f} %")
+        out.append({"name": name} | {key: value for key, value in row.items() if key != "definition"})
+        progress(f"{name}: forecast improvement over {runs.options.base} {100 * row['improvement']:+.2f} %")
     return out
 
 
@@ -461,49 +387,41 @@ def ceiling_table(ceilings: Mapping[str, Ceiling]) -> str:
     """Table of ceilings by the id of the task, ended by a line break; changes are means over the winds."""
     if not ceilings:
         return "No ceiling is recorded.\n"
-    head = ["task", "ceiling", "reference controller", "score of the ceiling", *_SHOWN.values()]
-    head += ["pitch travel", "measured in"]
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    rows = []
     for name, ceiling in ceilings.items():
-        rows = list(ceiling.winds.values())
-
-        def mean(metric: str, rows: list[dict[str, Any]] = rows) -> float:
-            return float(sum(row["changes"][metric] for row in rows)) / len(rows)
-
-        known = ceiling.yardstick_improvement
-        cells = [
+        winds, known = list(ceiling.winds.values()), ceiling.yardstick_improvement
+        mean = {key: float(np.mean([row["changes"][key] for row in winds])) for key in (*_SHOWN, "pitch_travel")}
+        rows.append([
             name,
             f"{100 * ceiling.improvement:+.1f} %",
             "–" if known is None else f"{100 * known:+.1f} %",
             "–" if ceiling.score is None else f"{ceiling.score:.0f}",
-            *(f"{100 * mean(metric):+.1f} %" for metric in _SHOWN),
-            f"× {1.0 + mean('pitch_travel'):.1f}",
-            f"{len(rows)} × {ceiling.how['duration']:g} s, {ceiling.made['date']}",
-        ]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+            *(f"{100 * mean[metric]:+.1f} %" for metric in _SHOWN),
+            f"× {1.0 + mean['pitch_travel']:.1f}",
+            f"{len(winds)} × {ceiling.how['duration']:g} s, {ceiling.made['date']}",
+        ])  # fmt: skip
+    head = ["task", "ceiling", "reference controller", "score of the ceiling", *_SHOWN.values()]
+    return markdown([*head, "pitch travel", "measured in"], rows) + "\n"
 
 
 def ladder_table(ceilings: Mapping[str, Ceiling]) -> str:
     """Table of the ladders of those ceilings that have one, or a line where none has, ended by a line break."""
     ladders = {
-        name: {row["name"]: row for row in ceiling.ladder} for name, ceiling in ceilings.items() if ceiling.ladder
+        name: {row["name"]: f"{100 * row['improvement']:+.1f} %" for row in ceiling.ladder}
+        for name, ceiling in ceilings.items()
+        if ceiling.ladder
     }
     if not ladders:
         return "No ladder is recorded.\n"
-    names = list(dict.fromkeys(rung for ladder in ladders.values() for rung in ladder))
-    head = ["what is known", *(f"`{name}`" for name in ladders)]
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    for rung in names:
-        cells = [f"{100 * own[rung]['improvement']:+.1f} %" if rung in own else "–" for own in ladders.values()]
-        lines.append(f"| {rung} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    rungs = dict.fromkeys(rung for ladder in ladders.values() for rung in ladder)
+    rows = [[rung, *(ladder.get(rung, "–") for ladder in ladders.values())] for rung in rungs]
+    return markdown(["what is known", *(f"`{name}`" for name in ladders)], rows) + "\n"
 
 
-def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line."""
+def main() -> None:
+    """Make ceilings."""
     parser = OneLineParser(description=__doc__)
-    parser.add_argument("--task", nargs="+", default=["load-reduction"], metavar="NAME", help="(default: %(default)s)")
+    parser.add_argument("--task", nargs="*", default=["load-reduction"], metavar="NAME", help="(default: %(default)s)")
     parser.add_argument("--winds", type=int, default=3, metavar="N", help="of each speed (default: %(default)s)")
     parser.add_argument("--duration", type=float, metavar="S", help="of a run (default: the task's)")
     parser.add_argument("--passes", type=int, default=3, metavar="N", help="runs with offsets (default: %(default)s)")
@@ -511,16 +429,9 @@ def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--page", type=file_ending_in(".md"), metavar="FILE", help="put the tables into this page")
     parser.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
     add_shared(parser, *WORKERS)
-    return parser.parse_args(words)
-
-
-def main() -> None:
-    """Make ceilings."""
-    arguments = parse_arguments()
-    options = CeilingOptions(
-        winds=arguments.winds, duration=arguments.duration, oracle=OracleOptions(passes=arguments.passes),
-        ladder=arguments.ladder,
-    )  # fmt: skip
+    arguments = parser.parse_args()
+    oracle = OracleOptions(passes=arguments.passes)
+    options = CeilingOptions(winds=arguments.winds, duration=arguments.duration, oracle=oracle, ladder=arguments.ladder)
     with user_errors(), stoppable("the same command resumes with the runs that are stored"):
         with executor_of(arguments) as executor:
             for task in chosen(arguments.task):

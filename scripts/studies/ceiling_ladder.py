@@ -46,31 +46,17 @@ _PASSES = 3
 
 @dataclass(frozen=True)
 class Rung:
-    """What a law knows.
-
-    Attributes
-    ----------
-    name : str
-    lidar : str
-        ``"none"``, ``"mean"`` of the beams at each gate, or ``"beams"``: their differences up and down and to the sides
-        too.
-    preview : float
-        Time by which the disturbances are known ahead, negative where they come late [s].
-    """
+    """Information of a law."""
 
     name: str
     lidar: str = "none"
+    """``"none"``, ``"mean"`` of the beams at each gate, or ``"beams"``: their differences up and down and aside too."""
     preview: float = 0.0
+    """Time by which the disturbances are known ahead, negative where they come late [s]."""
 
 
 def rungs_of(dt: float) -> list[Rung]:
-    """All rungs, from the one that knows least.
-
-    Parameters
-    ----------
-    dt : float
-        Of the recordings [s]; times that are no multiple of it are left out.
-    """
+    """All rungs, from the one that knows least; times that are no multiple of the step [s] are left out."""
 
     def whole(time: float) -> bool:
         return abs(time / dt - round(time / dt)) < 1e-6
@@ -86,17 +72,11 @@ def rungs_of(dt: float) -> list[Rung]:
 
 @dataclass(frozen=True)
 class Seen:
-    """A run without offsets and what a lidar saw meanwhile.
-
-    Attributes
-    ----------
-    run : Recording
-    beams : numpy.ndarray, shape (n_gates, 4, n)
-        Up, to the one side, down, to the other [m/s].
-    """
+    """A run without offsets and the readings of a lidar meanwhile."""
 
     run: Recording
     beams: NDArray[np.float64]
+    """Up, to the one side, down, to the other, shape (n_gates, 4, n) [m/s]."""
 
 
 def beam_readings(inflow: Inflow, lidar: Lidar, times: NDArray[np.float64], height: float) -> NDArray[np.float64]:
@@ -109,8 +89,7 @@ def beam_readings(inflow: Inflow, lidar: Lidar, times: NDArray[np.float64], heig
     beams = np.stack([-np.ones(lidar.n_beams), -side * np.sin(angle), side * np.cos(angle)], axis=1)
     points = np.multiply.outer(np.asarray(lidar.ranges), beams) + np.array([0.0, 0.0, height])
     seen = [velocity_ahead(inflow, points, time, lidar.ranges).reshape(points.shape) for time in times.tolist()]
-    readings: NDArray[np.float64] = -np.einsum("tgbx,bx->gbt", np.array(seen), beams)
-    return readings
+    return -np.einsum("tgbx,bx->gbt", np.array(seen), beams)
 
 
 def see(run: Recording, turbine: Turbine, inflow: Inflow) -> Seen:
@@ -157,16 +136,6 @@ def _features(
     return run.share * np.concatenate(mean), run.share * np.concatenate(turning)
 
 
-def _rows(quadratic: LoadQuadratic, features: NDArray[np.float64], channel: int) -> NDArray[np.float64]:
-    """Rows (n_features, m) of offsets in one channel."""
-    out = []
-    for feature in features:
-        change = np.zeros((3, feature.size))
-        change[channel] = feature
-        out.append(quadratic.forward(change))
-    return np.array(out)
-
-
 def _offsets(
     features: tuple[NDArray[np.float64], NDArray[np.float64]], coefficients: list[NDArray[np.float64]],
     options: OracleOptions, dt: float,
@@ -206,10 +175,6 @@ def climb(
 
     Parameters
     ----------
-    rung : Rung
-    fitted, tested : sequence of Seen
-    plant : Plant
-    turbine : Turbine
     options : OracleOptions
         Limits, and the weights of the quadratic.
 
@@ -228,8 +193,9 @@ def climb(
         rows = []
         for seen, own, now in zip(fitted, known, offsets, strict=True):
             quadratic = LoadQuadratic(seen.run, seen.run, plant, turbine, feedback, now, even=number == 0)
-            channels = [(own[0], 0), (own[1], 1), (own[1], 2)]
-            rows.append((np.concatenate([_rows(quadratic, x, j) for x, j in channels]), quadratic.there))
+            channels = np.eye(3)[[0] * len(own[0]) + [1] * len(own[1]) + [2] * len(own[1])]
+            changes = channels[:, :, None] * np.concatenate([own[0], own[1], own[1]])[:, None]
+            rows.append((np.array([quadratic.forward(change) for change in changes]), quadratic.there))
         coefficients = np.split(minimize_quadratic(rows, feedback.ridge), sizes)
         offsets = [_offsets(own, coefficients, options, plant.dt) for own in known]
     answers = [_offsets(_features(seen, plant, rung, feedback), coefficients, options, plant.dt) for seen in tested]

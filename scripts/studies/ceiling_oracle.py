@@ -10,7 +10,8 @@ be reached, and an upper one for what reacts to what it measures.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.sparse.linalg import LinearOperator, cg
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.controllers.linear_optimal import OUTPUTS
 from wt_gym.learning.linear_design import forecast, forecast_change
 from wt_gym.learning.options import FeedbackOptions
@@ -47,51 +49,26 @@ _HEAVIER = 4.0
 """Factor on the weight of what broke a limit."""
 
 
-def _oracle_feedback() -> FeedbackOptions:
-    """Weights where the wind is known: speed and mean offset need not be held back for what is to come."""
-    return FeedbackOptions(speed_weight=5.0, mean_weight=2.0, tilt_yaw_weight=0.01, skip=30.0)
+_FEEDBACK = FeedbackOptions(speed_weight=5.0, mean_weight=2.0, tilt_yaw_weight=0.01, skip=30.0)
+"""Weights where the wind is known: speed and mean offset need not be held back for what is to come."""
 
 
-@dataclass(frozen=True)
-class OracleOptions:
-    """How offsets are learned.
+@option_record
+class OracleOptions(Options):
+    """How offsets are learned."""
 
-    Attributes
-    ----------
-    feedback : FeedbackOptions
-        Weights and exponents of the quadratic; what belongs to a feedback alone is not used.
-    limit, rate_limit : float
-        Of the offsets [rad], [rad/s].
-    passes : int
-        Runs with offsets.
-    renewals : int
-        Of the weights between two runs.
-    iterations : int
-        Of conjugate gradients, at most, after each renewal.
-    tolerance : float
-        Of their residual over the right-hand side.
+    title = "oracle"
 
-    Raises
-    ------
-    ValueError
-        For numbers out of range.
-    """
-
-    feedback: FeedbackOptions = field(default_factory=_oracle_feedback)
-    limit: float = float(np.radians(4.0))
-    rate_limit: float = float(np.radians(3.0))
-    passes: int = 3
-    renewals: int = 6
-    iterations: int = 100
-    tolerance: float = 3e-3
-
-    def __post_init__(self) -> None:
-        for name in ("passes", "renewals", "iterations"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)!r}")
-        for name in ("limit", "rate_limit", "tolerance"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise ValueError(f"{name} must be finite and positive, got {getattr(self, name)!r}")
+    feedback: FeedbackOptions = option(
+        "weights and exponents of the quadratic; what belongs to a feedback alone is not used", default=_FEEDBACK,
+        kinds=(FeedbackOptions,),
+    )  # fmt: skip
+    limit: float = option("largest offset", default=math.radians(4.0), unit="rad", low=0, above=True)
+    rate_limit: float = option("largest rate of offsets", default=math.radians(3.0), unit="rad/s", low=0, above=True)
+    passes: int = option("runs with offsets", default=3, low=1)
+    renewals: int = option("renewals of the weights between two runs", default=6, low=1)
+    iterations: int = option("iterations of conjugate gradients, at most, after each renewal", default=100, low=1)
+    tolerance: float = option("their residual over the right-hand side", default=3e-3, low=0, above=True)
 
 
 def _offset_weights(base: Recording, turbine: Turbine, options: FeedbackOptions) -> NDArray[np.float64]:
@@ -104,8 +81,7 @@ def _offset_weights(base: Recording, turbine: Turbine, options: FeedbackOptions)
     below = np.clip((_LULL_BEGINS - slow / rated) / _LULL_RANGE, 0.0, 1.0)
     power = -options.weights.get("captured_power", 0.0) * options.power_weight
     still = np.array([options.mean_weight, options.tilt_yaw_weight, options.tilt_yaw_weight])
-    out: NDArray[np.float64] = still[:, None] + power * np.array(_LULL)[:, None] * below
-    return out
+    return still[:, None] + power * np.array(_LULL)[:, None] * below
 
 
 def limited(wanted: NDArray[np.float64], limit: float, rate_limit: float, dt: float) -> NDArray[np.float64]:
@@ -133,9 +109,6 @@ class LoadQuadratic:
         With the offsets that are changed.
     base : Recording
         The same wind without offsets: loads are measured in those here, and the rotor speed is held near that here.
-    plant : Plant
-    turbine : Turbine
-    options : FeedbackOptions
     change : numpy.ndarray, shape (3, n), optional
         About which the weights are taken [rad], by default none.
     even : bool
@@ -178,8 +151,7 @@ class LoadQuadratic:
             loads = [[damage_equivalent_load(row[start:], samples * dt, fatigue) for row in x] for x in (without, at)]
             local = amplitude_weights(moved, 0.0 if even else exponent, window) * counts
             factor = 0.5 * np.array(shares) * np.array(loads[1]) / np.array(loads[0]) / (local * moved**2).sum(1)
-            found: NDArray[np.float64] = np.sqrt(factor[:, None] * local)
-            return found
+            return np.sqrt(factor[:, None] * local)
 
         flap = [weights.get("blade_flap_del", 0.0) / n_blades] * n_blades
         tower = [weights.get(f"tower_{name}_del", 0.0) for name in ("fore_aft", "side_side")]
@@ -201,8 +173,7 @@ class LoadQuadratic:
     def _without_slow(self, series: NDArray[np.float64]) -> NDArray[np.float64]:
         """Series (..., n) without a smooth mean, still beyond its ends; its own transpose."""
         smooth = fft.irfft(fft.rfft(series, self._smooth_size) * self._smooth, self._smooth_size)
-        left: NDArray[np.float64] = series - smooth[..., self._half : self._half + self.n]
-        return left
+        return series - smooth[..., self._half : self._half + self.n]
 
     def forward(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
         """What changes (..., 3, n) of the offsets do to the rows (..., m)."""
@@ -225,7 +196,7 @@ class LoadQuadratic:
             (self._speed * speed)[None],
         ])  # fmt: skip
         spread = fft.rfft(answer, self._size)
-        out: NDArray[np.float64] = fft.irfft(np.einsum("ijf,if->jf", self._responses.conj(), spread), self._size)[:, :n]
+        out = fft.irfft(np.einsum("ijf,if->jf", self._responses.conj(), spread), self._size)[:, :n]
         turned = self._rate * rate.reshape(b, n) / self.dt
         turned = turned - np.concatenate([turned[:, 1:], np.zeros((b, 1))], axis=1)
         return out + self._to_fixed(turned, self._ahead) + self._sizes * sizes.reshape(3, n)
@@ -243,10 +214,8 @@ class LoadQuadratic:
             return self.transposed(self.forward(x.reshape(shape))).ravel()
 
         right = -self.transposed(self.there).ravel()
-        size = right.size
-        found, _ = cg(LinearOperator((size, size), matvec=normal), right, rtol=tolerance, maxiter=iterations)
-        out: NDArray[np.float64] = found.reshape(shape)
-        return out
+        operator = LinearOperator((right.size, right.size), matvec=normal)
+        return cg(operator, right, rtol=tolerance, maxiter=iterations)[0].reshape(shape)
 
 
 def optimal_change(
@@ -258,15 +227,28 @@ def optimal_change(
     ----------
     run, base, plant, turbine
         As of `LoadQuadratic`.
-    options : OracleOptions
     even : bool
         Whether the first weights do not depend on the local amplitude.
     """
-    cost = _ForecastCost(run, base, plant, turbine, options.feedback)
+    feedback, start = options.feedback, round(options.feedback.skip / run.dt)
+    weights, sizes = feedback.weights | {"captured_power": 0.0}, _offset_weights(base, turbine, feedback)
+
+    def metrics(of: Recording, change: NDArray[np.float64]) -> dict[str, float]:
+        return forecast(of, plant, change).metrics(of.dt, turbine.pitch.max_rate, feedback.skip)
+
+    before = metrics(base, np.zeros((3, run.steps)))
+
+    def cost(change: NDArray[np.float64]) -> float:
+        """Cost as the model forecasts it, over that of the run without offsets; power as in `_LULL`."""
+        moved = respond(plant.responses[[_SPEED]], change)[0] + run.outputs[_SPEED]
+        speed = ((moved - base.outputs[_SPEED])[start:] / turbine.drivetrain.rated_rotor_speed) ** 2
+        held = feedback.speed_weight * speed.mean() + (sizes * (run.offsets + change) ** 2).mean(1).sum()
+        return forecast_change(metrics(run, change), before, weights) + float(held)
+
     change = np.zeros((3, run.steps))
     least = cost(change)
     for number in range(options.renewals):
-        quadratic = LoadQuadratic(run, base, plant, turbine, options.feedback, change, even and number == 0)
+        quadratic = LoadQuadratic(run, base, plant, turbine, feedback, change, even and number == 0)
         aim = quadratic.minimum(options.iterations, options.tolerance) - change
         for share in _SHARES:
             wanted = run.offsets + change + share * aim
@@ -279,44 +261,12 @@ def optimal_change(
     return change
 
 
-class _ForecastCost:
-    """Cost of a changed run as the model forecasts it, over that of the run without offsets; power as in `_LULL`."""
-
-    def __init__(
-        self, run: Recording, base: Recording, plant: Plant, turbine: Turbine, options: FeedbackOptions
-    ) -> None:
-        self.run, self.base, self.plant, self.turbine, self.options = run, base, plant, turbine, options
-        self.weights = options.weights | {"captured_power": 0.0}
-        self.sizes = _offset_weights(base, turbine, options)
-        self.before = self._metrics(base, np.zeros((3, run.steps)))
-
-    def __call__(self, change: NDArray[np.float64]) -> float:
-        options, start = self.options, round(self.options.skip / self.run.dt)
-        moved = respond(self.plant.responses[[_SPEED]], change)[0] + self.run.outputs[_SPEED]
-        speed = ((moved - self.base.outputs[_SPEED])[start:] / self.turbine.drivetrain.rated_rotor_speed) ** 2
-        held = options.speed_weight * speed.mean() + (self.sizes * (self.run.offsets + change) ** 2).mean(1).sum()
-        return forecast_change(self._metrics(self.run, change), self.before, self.weights) + float(held)
-
-    def _metrics(self, run: Recording, change: NDArray[np.float64]) -> dict[str, float]:
-        return forecast(run, self.plant, change).metrics(run.dt, self.turbine.pitch.max_rate, self.options.skip)
-
-
 class Played(NamedTuple):
-    """A run with offsets and what it is worth.
+    """A run with offsets."""
 
-    Attributes
-    ----------
-    run : Recording or None
-        None if it ended before its time.
-    value : float or None
-        Improvement, None if the run ended before its time.
-    broken : tuple of str
-        Limits that were not kept, or how it ended.
-    """
-
-    run: Recording | None
-    value: float | None
-    broken: tuple[str, ...]
+    run: Recording | None  #: None if it ended before its time
+    value: float | None  #: improvement, None if the run ended before its time
+    broken: tuple[str, ...]  #: limits that were not kept, or how it ended
 
 
 def learn_offsets(
@@ -325,7 +275,6 @@ def learn_offsets(
     plant: Plant,
     turbine: Turbine,
     options: OracleOptions | None = None,
-    told: Callable[[int, Played], None] | None = None,
 ) -> list[Played]:
     """Learn offsets for one wind by playing them.
 
@@ -338,11 +287,6 @@ def learn_offsets(
         Plays offsets (3, n) [rad].
     base : Played
         Without offsets.
-    plant : Plant
-    turbine : Turbine
-    options : OracleOptions, optional
-    told : callable, optional
-        Called with number and run after every pass.
 
     Returns
     -------
@@ -357,30 +301,27 @@ def learn_offsets(
     options = options or OracleOptions()
     if base.run is None:
         raise ValueError(f"the run without offsets must last, it ended with {', '.join(base.broken)}")
-    still, passes, best, share = base.run, [base], base, 1.0
-    for number in range(1, options.passes + 1):
-        run = still if best.run is None else best.run
-        change = optimal_change(run, still, plant, turbine, options, even=best is base)
+    passes, best, share = [base], base, 1.0
+    for _ in range(options.passes):
+        run = base.run if best.run is None else best.run
+        change = optimal_change(run, base.run, plant, turbine, options, even=best is base)
         found = play(run.offsets + share * change)
         passes.append(found)
-        if told is not None:
-            told(number, found)
         if found.broken:
-            options = replace(options, feedback=_heavier(options.feedback, found.broken))
+            weights = options.feedback
+            if found.broken == ("captured_power",):
+                heavier = {"power_weight": _HEAVIER * max(weights.power_weight, 1.0)}
+            else:  # of a run that ended, rotor speed and mean offset
+                heavier = {
+                    "speed_weight": _HEAVIER * weights.speed_weight,
+                    "mean_weight": _HEAVIER * max(weights.mean_weight, 1.0),
+                }
+            options = replace(options, feedback=replace(weights, **heavier))
         if best_of([best, found]) is found:
             best, share = found, 1.0
         elif not found.broken:
             share *= 0.5
     return passes
-
-
-def _heavier(options: FeedbackOptions, broken: tuple[str, ...]) -> FeedbackOptions:
-    """Weights that heed the limits which were broken; of a run that ended, rotor speed and mean offset."""
-    if broken == ("captured_power",):
-        return replace(options, power_weight=_HEAVIER * max(options.power_weight, 1.0))
-    return replace(
-        options, speed_weight=_HEAVIER * options.speed_weight, mean_weight=_HEAVIER * max(options.mean_weight, 1.0)
-    )
 
 
 def best_of(passes: list[Played]) -> Played:

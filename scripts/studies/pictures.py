@@ -21,6 +21,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
+from study_pages import DATA, TRAINED
 
 from wt_gym.analysis.scene import Scene
 from wt_gym.base.picture_style import BLUE, INK, ORANGE, plain
@@ -30,23 +31,13 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 from wt_gym.wind.iec import turbulence_sigma
 
-DATA = Path(__file__).resolve().parents[2] / "docs" / "data"
-AGENT = DATA.parents[1] / "agents" / "trained" / "load_reduction_on_linear_optimal"
+AGENT = TRAINED / "load_reduction_on_linear_optimal"
 WIDTH, HEIGHT, DPI = 840, 480, 100
 SHEAR, LIGHT = 0.2, 0.35  # exponent of the profile; turbulence as a share of that of class B
 NEARLY_WHITE = 247  # of 255
 FRAME_TIME = 80  # of the animation [ms]
 BEFORE = 10.0  # part of the run before the first frame that the flap moment is shown for [s]
 LABELS = {"controller": "Published controller", "agent": "Trained agent"}
-
-
-def wind(turbine, speed, seed):
-    """Light turbulence on a sheared profile, and its intensity at the hub."""
-    box = TurbulenceBox.kaimal(speed, turbine.hub_height, turbine.rotor_diameter, "B", seed=seed)
-    steady = SteadyInflow(speed, turbine.hub_height, shear_exponent=SHEAR)
-    return TurbulentInflow(box.carried_along(speed, LIGHT, "light turbulence"), steady), LIGHT * turbulence_sigma(
-        speed, "B"
-    ) / speed
 
 
 def simulate(inflow, start, n_frames, trained):
@@ -75,17 +66,10 @@ def simulate(inflow, start, n_frames, trained):
 class Picture:
     """Two scenes above, the flap moment of both runs below.
 
-    Parameters
-    ----------
-    turbine : Turbine
-    runs : dict
-        Keys of `LABELS` to shapes and rows as `simulate` returns them.
-    text : str
-        About the wind.
+    ``runs`` maps the keys of `LABELS` to shapes and rows as `simulate` returns them, ``text`` is about the wind.
     """
 
     def __init__(self, turbine, runs, text):
-
         self._runs, self._colors = runs, dict(zip(LABELS, (ORANGE, BLUE), strict=True))
         self._figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
         self._canvas = FigureCanvasAgg(self._figure)
@@ -105,9 +89,8 @@ class Picture:
             shown = rows[rows[:, 0] >= rows[-len(shapes), 0] - BEFORE]
             first = len(shown) - len(shapes)
             axes.plot(*shown.T, color=self._colors[name], linewidth=1.0, alpha=0.3)
-            line, dot = axes.plot([], [], color=self._colors[name], linewidth=2.0)[0], axes.plot(
-                [], [], "o", color=self._colors[name], markersize=5, clip_on=False
-            )[0]  # fmt: skip
+            (line,) = axes.plot([], [], color=self._colors[name], linewidth=2.0)
+            (dot,) = axes.plot([], [], "o", color=self._colors[name], markersize=5, clip_on=False)
             self._lines[name] = line, dot, shown, first
             axes.set_xlim(shown[0, 0], shown[-1, 0])
 
@@ -126,16 +109,12 @@ class Picture:
 def save(frames, path, n_colors):
     """Write an animated GIF with one palette for all frames, so that what rests costs nothing."""
     images = [Image.fromarray(frame) for frame in frames]
-    sheet = Image.new("RGB", (WIDTH, HEIGHT * 3), "white")
-    for row, image in enumerate((images[0], images[len(images) // 2], images[-1])):
-        sheet.paste(image, (0, HEIGHT * row))
+    sheet = Image.fromarray(np.concatenate([frames[0], frames[len(frames) // 2], frames[-1]]))
     palette = sheet.quantize(n_colors, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     # averages with what is nearly white are white
-    colors = palette.getpalette()[: 3 * n_colors]
-    for k in range(0, len(colors), 3):
-        if min(colors[k : k + 3]) >= NEARLY_WHITE:
-            colors[k : k + 3] = [255, 255, 255]
-    palette.putpalette(colors)
+    colors = np.reshape(palette.getpalette()[: 3 * n_colors], (-1, 3))
+    colors[colors.min(axis=1) >= NEARLY_WHITE] = 255
+    palette.putpalette(colors.ravel().tolist())
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     path.parent.mkdir(parents=True, exist_ok=True)
     images[0].save(path, save_all=True, append_images=images[1:], duration=FRAME_TIME, loop=0, disposal=1)
@@ -143,11 +122,15 @@ def save(frames, path, n_colors):
 
 def draw_turbine(arguments):
     """Simulate, draw and write the animation."""
-    turbine = load_turbine("nrel_5mw")
-    inflow, intensity = wind(turbine, arguments.wind_speed, arguments.seed)
+    turbine, speed = load_turbine("nrel_5mw"), arguments.wind_speed
+    box = TurbulenceBox.kaimal(speed, turbine.hub_height, turbine.rotor_diameter, "B", seed=arguments.seed)
+    steady = SteadyInflow(speed, turbine.hub_height, shear_exponent=SHEAR)
+    inflow = TurbulentInflow(box.carried_along(speed, LIGHT, "light turbulence"), steady)
     runs = {name: simulate(inflow, arguments.start, arguments.frames, name == "agent") for name in LABELS}
-    text = f"both in the same wind: {arguments.wind_speed:g} m/s, turbulence {100 * intensity:.0f} %, shear {SHEAR}"
-    picture = Picture(turbine, runs, text)
+    intensity = 100 * LIGHT * turbulence_sigma(speed, "B") / speed
+    picture = Picture(
+        turbine, runs, f"both in the same wind: {speed:g} m/s, turbulence {intensity:.0f} %, shear {SHEAR}"
+    )
     frames = [picture.draw(k) for k in range(arguments.frames)]
     save(frames, arguments.out, arguments.colors)
     print(f"{arguments.out}: {len(frames)} frames, {arguments.out.stat().st_size / 1e6:.2f} MB")

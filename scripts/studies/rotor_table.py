@@ -16,8 +16,8 @@ import numpy as np
 
 import wt_gym
 from wt_gym.commands.program import FIDELITIES_HELP
-from wt_gym.control.design import fine_pitch, rotor_inertia
-from wt_gym.control.rotor import RotorTable
+from wt_gym.control.design import rotor_inertia
+from wt_gym.control.rotor import RotorTable, fine_pitch
 from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import TorqueCommand
@@ -69,7 +69,7 @@ class _Machine(TorqueCommand):
 
 
 def measure_rotor(
-    turbine: Turbine, fidelity: str | Fidelity | None = None, progress: Callable[[int, int], None] | None = None
+    turbine: Turbine, fidelity: str | Fidelity | None = None, progress: Callable[[int, int], None] = lambda *_: None
 ) -> RotorTable:
     """Measure the coefficients of a turbine in the simulator.
 
@@ -79,15 +79,10 @@ def measure_rotor(
 
     Parameters
     ----------
-    turbine : Turbine
     fidelity : str or Fidelity, optional
         As of the simulator.
-    progress : callable, optional
+    progress : callable
         Called with the number of rows done and of all rows.
-
-    Returns
-    -------
-    RotorTable
     """
     radius, rated = turbine.rotor_diameter / 2, turbine.drivetrain.rated_rotor_speed
     pitches = fine_pitch(turbine) + np.radians(PITCH_DEG)
@@ -101,7 +96,6 @@ def measure_rotor(
     for j, pitch in enumerate(pitches):
         # above rated, wind and pitch go together: 24 degrees belong to more than twice the rated wind speed
         strongest = turbine.rated_wind_speed * (1.1 + PITCH_DEG[j] / 20.0)
-        running = False
         for i, ratio in enumerate(TIP_SPEED_RATIO):
             if i > 1 and power[i - 1, j] < LOWEST_COEFFICIENT:
                 for values in (power, thrust):
@@ -111,12 +105,10 @@ def measure_rotor(
             speed = min(rated, ratio * strongest / radius)
             wind = speed * radius / ratio
             simulator.inflow = SteadyInflow(wind, turbine.hub_height)
-            if not running:
+            if i == 0:
                 simulator.reset(rotor_speed=speed, pitch=pitch)
             power[i, j], thrust[i, j] = _settled(simulator, speed, pitch)
-            running = True
-        if progress is not None:
-            progress(j + 1, len(pitches))
+        progress(j + 1, len(pitches))
     return RotorTable(
         turbine=turbine.name,
         radius=radius,

@@ -12,7 +12,6 @@ controller with zero actions. Runs are stored in runs/task_scores as soon as the
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import re
 import sys
@@ -24,13 +23,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import stdtrit
+from study_pages import (
+    DATA,
+    ROOT,
+    STEADY,
+    TASK_PAGES,
+    TRAINED,
+    filled,
+    markdown,
+    percent,
+    read_json,
+    signed,
+    with_runs,
+    write_entries,
+)
 
 import wt_gym
 from envs_tests.physics.validation import source_commit
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.results import Wind
 from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, WindClimate, lifetime_load, relative_change, wind_weights
-from wt_gym.base.files import shipped_folder, write_text_whole
+from wt_gym.base.files import write_text_whole
 from wt_gym.commands.program import stoppable, user_errors
 from wt_gym.envs.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
@@ -38,17 +51,12 @@ from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the tests are no part of the installed package
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from wt_gym.analysis.results import Run
 
-ROOT = Path(__file__).resolve().parents[2]
-RECORD = ROOT / "docs" / "data" / "task_scores.json"
-PAGES = ROOT / "docs" / "tasks"
-_MARKED = re.compile(r"(<!-- (scores|kinds): ([^>]+?) -->\n).*?(<!-- end -->)", re.DOTALL)
+RECORD = DATA / "task_scores.json"
 RANDOM = "random"
 """Word for even draws of the actions."""
 _TRAINED = "agents/trained/"
@@ -59,22 +67,14 @@ _NOT_IN_NAMES = re.compile(r"[^\w.+=-]+")
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes
-    ----------
-    key : str
-        Of `wt_gym.analysis.metrics.METRICS`, or "yaw_error_rms".
-    heading : str
-    how : {"change", "total", "climate", "life", "level", "most"}
-        Relative change against the first agent in each wind, mean and 95 % interval over the winds; the change of the
-        sum over the winds; that of the mean in the turbine's wind climate; that of the load over a
-        life in that climate; the mean itself; the largest.
-    """
-
-    key: str
+    key: str  #: Of `wt_gym.analysis.metrics.METRICS`, or "yaw_error_rms".
     heading: str
     how: str
+    """"change": relative change against the first agent in each wind, mean and 95 % interval over the winds; "total":
+    the change of the sum over the winds; "climate": that of the mean in the turbine's wind climate; "life": that of the
+    load over a life in that climate; "level": the mean itself; "most": the largest."""
 
 
 @dataclass(frozen=True)
@@ -88,29 +88,17 @@ class Part:
 
 @dataclass(frozen=True)
 class Study:
-    """Agents in the winds of a task.
+    """Agents in the winds of a task."""
 
-    Attributes
-    ----------
-    task : str
-        Of `wt_gym.tasks.TASKS`.
-    agents : tuple of str
-        Words and paths as for `wt_gym.experiment.agents.load_agent`, or `RANDOM`; the base controller first.
-    parts : tuple of Part
-    columns : tuple of Column
-    duration, skip : float
-        Length of a run, and of its start that does not count [s].
-    arguments : dict
-        Arguments of the environment for single agents.
-    """
-
-    task: str
+    task: str  #: Of `wt_gym.tasks.TASKS`.
     agents: tuple[str, ...]
+    """Words and paths as for `wt_gym.experiment.agents.load_agent`, or `RANDOM`; the base controller first."""
     parts: tuple[Part, ...]
     columns: tuple[Column, ...]
     duration: float = 330.0
-    skip: float = 30.0
+    skip: float = 30.0  #: duration, skip: length of a run, and of its start that does not count [s]
     arguments: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Arguments of the environment for single agents."""
 
     @property
     def env_id(self) -> str:
@@ -151,8 +139,6 @@ STORM_CONTROLLER = "linear_optimal+supervisor:averaging=60,least_speed=1,least_p
 """Controller of FullOperation that holds rated speed and power up to a cut-out at 30 m/s."""
 _PROMPT = "discon+yaw:dead_band=0.14,stop=0.1,slow=10,fast=2"
 """Dead band that starts earlier and turns less far, with the travel of the default."""
-STEADY = {"start": "steady"}
-"""No records of the running turbine are needed."""
 _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP, _FORE_AFT, _SIDE))
 
 STUDIES: dict[str, Study] = {
@@ -276,17 +262,16 @@ def agent_label(agent: str, resting: bool = False) -> str:
 def measure(
     study: Study,
     on_progress: Callable[[str], None] = lambda text: None,
-    folder: str | Path | None = None,
+    folder: Path | None = None,
     overwrite: bool = False,
 ) -> list[dict[str, Any]]:
     """Run every agent of a study in each of its winds.
 
     Parameters
     ----------
-    study : Study
     on_progress : callable
         Gets a line after each agent.
-    folder : str or path, optional
+    folder : path, optional
         Keeps each run as soon as it is done, a folder an agent as of `wt_gym.experiment.evaluation.evaluate`; what was
         stopped resumes with the runs that are there.
     overwrite : bool
@@ -302,24 +287,19 @@ def measure(
     ValueError
         If the folder holds runs of another study, or of other code.
     """
-    return [
-        run
-        for part in study.parts
-        for agent in study.agents
-        for run in _runs_of(study, part, agent, on_progress, None if folder is None else Path(folder), overwrite)
-    ]
-
-
-def _runs_of(
-    study: Study, part: Part, agent: str, on_progress: Callable[[str], None], folder: Path | None, overwrite: bool
-) -> list[dict[str, Any]]:
-    kwargs = part.arguments | study.arguments.get(agent, {})
-    config = EvaluationConfig(study.env_id, kwargs, part.winds, duration=study.duration, skip=study.skip, replay=0.0)
-    choice = str(shipped_folder().parent / agent) if agent.startswith(_TRAINED) else agent
-    kept = None if folder is None else folder / _NOT_IN_NAMES.sub("_", f"{part.name} {agent}".strip())
-    runs = evaluate({agent: choice}, config, folder=kept, overwrite=overwrite, progress=False).runs
-    on_progress(f"{study.env_id}{part.name and ', ' + part.name}: {agent}")
-    return [_kept(run, part, study) for run in runs]
+    rows = []
+    for part in study.parts:
+        for agent in study.agents:
+            config = EvaluationConfig(
+                study.env_id, part.arguments | study.arguments.get(agent, {}), part.winds, duration=study.duration,
+                skip=study.skip, replay=0.0,
+            )  # fmt: skip
+            choice = str(TRAINED / agent.removeprefix(_TRAINED)) if agent.startswith(_TRAINED) else agent
+            kept = None if folder is None else folder / _NOT_IN_NAMES.sub("_", f"{part.name} {agent}".strip())
+            runs = evaluate({agent: choice}, config, folder=kept, overwrite=overwrite, progress=False).runs
+            on_progress(f"{study.env_id}{part.name and ', ' + part.name}: {agent}")
+            rows += [_kept(run, part, study) for run in runs]
+    return rows
 
 
 def _kept(run: Run, part: Part, study: Study) -> dict[str, Any]:
@@ -340,11 +320,6 @@ def _kept(run: Run, part: Part, study: Study) -> dict[str, Any]:
     }
 
 
-def measured_line(env_id: str) -> str:
-    """Sentence above a table: the environment of its runs."""
-    return f"Measured in `{env_id}`; the return is against the first row in the same wind, as the environment gives it."
-
-
 def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
     """Table of a study, Markdown.
 
@@ -359,52 +334,43 @@ def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
     runs : sequence of mapping
         As `measure` gives them.
     """
-    study = STUDIES[name]
+    study, by_agent = STUDIES[name], {}
+    for run in runs:
+        by_agent.setdefault(run["agent"], {})[run["part"], run["wind"]] = run
+    base = by_agent[study.agents[0]]
+    lasting = TASKS[study.task].episode / study.duration
+
+    def row(agent: str) -> list[str]:
+        own, first = by_agent.get(agent, {}), agent == study.agents[0]
+        returns = [
+            (run["return"] - base[wind]["return"] * run["duration"] / base[wind]["duration"])
+            * (lasting if run["ending"] == "time" else 1.0)
+            for wind, run in own.items()
+        ]
+        cells = [_cell(study, column, own, base, first) for column in study.columns]
+        survived = sum(run["ending"] == "time" for run in own.values())
+        return [agent_label(agent, first), *cells, signed(np.mean(returns), 1), f"{survived} of {len(own)}"]
+
     headings = ("", *(column.heading for column in study.columns), "return of an episode", "survived")
-    rows = [_row(study, agent, runs) for agent in study.agents]
-    return _markdown(headings, rows)
-
-
-def _row(study: Study, agent: str, runs: Sequence[Mapping[str, Any]]) -> list[str]:
-    base, own = (_by_wind(runs, one) for one in (study.agents[0], agent))
-    first = agent == study.agents[0]
-    survived = sum(run["ending"] == "time" for run in own.values())
-    share = TASKS[study.task].episode / study.duration
-    returns = [
-        (run["return"] - base[wind]["return"] * run["duration"] / base[wind]["duration"])
-        * (share if run["ending"] == "time" else 1.0)
-        for wind, run in own.items()
-    ]
-    cells = [_cell(study, column, own, base, first) for column in study.columns]
-    return [agent_label(agent, first), *cells, signed(np.mean(returns), 1),
-            f"{survived} of {len(own)}"]  # fmt: skip
-
-
-def _by_wind(runs: Sequence[Mapping[str, Any]], agent: str) -> dict[tuple[str, str], Mapping[str, Any]]:
-    return {(run["part"], run["wind"]): run for run in runs if run["agent"] == agent}
+    return markdown(headings, [row(agent) for agent in study.agents])
 
 
 def _cell(study: Study, column: Column, own: Mapping[Any, Any], base: Mapping[Any, Any], first: bool) -> str:
     """A figure over the winds that both agents came through; that of the first in its unit, of the others a change."""
     winds = [wind for wind in base if all(runs[wind]["ending"] == "time" for runs in (own, base))]
-    if not winds:
+    if not winds or (column.how == "life" and len(winds) < len(base)):
         return _DASH
     mine, theirs = (np.array([runs[wind]["metrics"][column.key] for wind in winds]) for runs in (own, base))
-    if column.how == "life":
-        if len(winds) < len(base):
-            return _DASH
-        weights, exponent = _weights(study, [base[wind]["speed"] for wind in winds]), LIFETIME_EXPONENTS[column.key]
-        mine, theirs = (np.atleast_1d(lifetime_load(values, weights, exponent)) for values in (mine, theirs))
-    if column.how == "climate":
+    if column.how in ("life", "climate"):
         weights = _weights(study, [base[wind]["speed"] for wind in winds])
-        mine, theirs = (np.atleast_1d(values @ weights / weights.sum()) for values in (mine, theirs))
+        exponent = LIFETIME_EXPONENTS[column.key] if column.how == "life" else 1.0
+        mine, theirs = (np.atleast_1d(lifetime_load(x, weights / weights.sum(), exponent)) for x in (mine, theirs))
     if first or column.how in ("level", "most"):
         return _level(column, mine)
     if column.how == "change":
         changes = relative_change(mine, theirs)
         return f"{signed(100.0 * changes.mean(), 1)} ± {100.0 * half_width(changes):.1f} %"
-    digits = 2 if column.how in ("total", "climate") else 1
-    return f"{signed(100.0 * relative_change(mine.sum(), theirs.sum()), digits)} %"
+    return percent(relative_change(mine.sum(), theirs.sum()), 2 if column.how in ("total", "climate") else 1)
 
 
 def half_width(values: np.ndarray) -> float:
@@ -439,55 +405,13 @@ def kinds_table(name: str, key: str, runs: Sequence[Mapping[str, Any]]) -> str:
     study, metric = STUDIES[name], METRICS[key]
 
     def cell(part: Part, agent: str) -> str:
-        found = [run for run in runs if (run["part"], run["agent"]) == (part.name, agent)]
-        ended = sum(run["ending"] != "time" for run in found)
-        largest = max(run["metrics"].get(key, -math.inf) for run in found) * metric.factor
-        return f"{largest:.{metric.digits}f}" + (f" ({ended} of {len(found)} ended)" if ended else "")
+        own = [run for run in runs if (run["part"], run["agent"]) == (part.name, agent)]
+        ended = sum(run["ending"] != "time" for run in own)
+        largest = max(run["metrics"].get(key, -math.inf) for run in own) * metric.factor
+        return f"{largest:.{metric.digits}f}" + (f" ({ended} of {len(own)} ended)" if ended else "")
 
-    headings = (f"{metric.label.lower()} [{metric.unit}]", *(agent_label(c) for c in study.agents))
-    rows = [[part.name, *(cell(part, agent) for agent in study.agents)] for part in study.parts]
-    return _markdown(headings, rows)
-
-
-def _markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = (headings, ["---"] * len(headings), *rows)
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def signed(value: float, digits: int, plus: bool = True) -> str:
-    """Number with the minus sign of text; one that rounds to zero has no sign."""
-    text = f"{value:+.{digits}f}" if plus else f"{value:.{digits}f}"
-    return (text.lstrip("+-") if float(text) == 0.0 else text).replace("-", "−")
-
-
-def parse_arguments() -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("command", nargs="?", choices=("show", "run", "pages"), default="show")
-    parser.add_argument("names", nargs="*", metavar="TABLE", help=f"which (default: all): {', '.join(STUDIES)}")
-    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "task_scores", help="folder of the runs")
-    parser.add_argument("--overwrite", action="store_true", help="repeat runs that are there")
-    arguments = parser.parse_args()
-    if unknown := [name for name in arguments.names if name not in STUDIES]:
-        parser.error(f"unknown table {', '.join(unknown)}; known: {', '.join(STUDIES)}")
-    return arguments
-
-
-def read_record(path: Path = RECORD) -> dict:
-    """Measurements by the name of the table."""
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-
-
-def write_record(record: dict, path: Path = RECORD) -> None:
-    """Write measurements, a line a run: a later one shows in the history which numbers it moved."""
-
-    def entry(study: dict) -> str:
-        head = json.dumps({key: value for key, value in study.items() if key != "runs"})
-        runs = ",\n  ".join(json.dumps(run, ensure_ascii=False) for run in study["runs"])
-        return f'{head[:-1]}, "runs": [\n  {runs}]}}'
-
-    text = ",\n".join(f"{json.dumps(name)}: {entry(study)}" for name, study in record.items())
-    write_text_whole(path, f"{{\n{text}\n}}\n")
+    headings = (f"{metric.label.lower()} [{metric.unit}]", *(agent_label(agent) for agent in study.agents))
+    return markdown(headings, [[part.name, *(cell(part, agent) for agent in study.agents)] for part in study.parts])
 
 
 def run(names: list[str], folder: Path, overwrite: bool) -> None:
@@ -503,35 +427,46 @@ def run(names: list[str], folder: Path, overwrite: bool) -> None:
             "date": datetime.now(UTC).strftime("%Y-%m-%d"), "version": wt_gym.__version__, "commit": commit,
             "processor_time_s": round(time.process_time() - begun), "env_id": STUDIES[name].env_id, "runs": runs,
         }  # fmt: skip
-        record = read_record() | {name: made}
-        write_record({key: record[key] for key in STUDIES if key in record})
+        record = read_json(RECORD) | {name: made}
+        write_entries(RECORD, {key: record[key] for key in STUDIES if key in record}, with_runs)
 
 
 def tables(text: str, record: dict) -> str:
     """A page with its tables as the record has them."""
 
-    def table(found: re.Match) -> str:
-        head, kind, words, end = found.groups()
-        if kind == "scores":
-            study = record[words]
-            return f"{head}{measured_line(study['env_id'])}\n\n{score_table(words, study['runs'])}\n{end}"
-        name, key = words.split()
-        return f"{head}{kinds_table(name, key, record[name]['runs'])}\n{end}"
+    def scores(name: str) -> str:
+        study = record[name]
+        return (
+            f"Measured in `{study['env_id']}`; the return is against the first row in the same wind, as the "
+            f"environment gives it.\n\n{score_table(name, study['runs'])}"
+        )
 
-    return _MARKED.sub(table, text)
+    def kinds(words: str) -> str:
+        name, key = words.split()
+        return kinds_table(name, key, record[name]["runs"])
+
+    return filled(text, {"scores": scores, "kinds": kinds})
 
 
 def main() -> int:
     """Show, measure, or renew the pages."""
-    arguments = parse_arguments()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("command", nargs="?", choices=("show", "run", "pages"), default="show")
+    parser.add_argument("names", nargs="*", metavar="TABLE", help=f"which (default: all): {', '.join(STUDIES)}")
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "task_scores", help="folder of the runs")
+    parser.add_argument("--overwrite", action="store_true", help="repeat runs that are there")
+    arguments = parser.parse_args()
+    if unknown := [name for name in arguments.names if name not in STUDIES]:
+        parser.error(f"unknown table {', '.join(unknown)}; known: {', '.join(STUDIES)}")
     names = arguments.names or list(STUDIES)
     if arguments.command == "run":
         with user_errors(), stoppable(f"the same command resumes with the runs in {arguments.out}"):
             run(names, arguments.out, arguments.overwrite)
-    record = read_record()
+    record = read_json(RECORD)
     if arguments.command == "pages":
-        for page in sorted(PAGES.glob("*.md")):
-            write_text_whole(page, tables(page.read_text(encoding="utf-8"), record))
+        for page in sorted(TASK_PAGES.glob("*.md")):
+            if page.stem != "index":
+                write_text_whole(page, tables(page.read_text(encoding="utf-8"), record))
         return 0
     for name in (name for name in names if name in record):
         print(f"\n{name}: {record[name]['env_id']}, {record[name]['date']}\n{score_table(name, record[name]['runs'])}")

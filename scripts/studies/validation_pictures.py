@@ -9,24 +9,21 @@ reference data are in the repository.
 """
 
 import argparse
-import io
 import json
 import math
 import re
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from study_pages import DATA, read_json, save_svg, write_entries
 
 from envs_tests.physics.validation import Figure as CaseFigure
 from envs_tests.physics.validation import bounds_of, load_cases, read_record, run_case
-from wt_gym.base.picture_style import BLUE, COLORS, GRAY, GREEN, INK, LINE_STYLES, ORANGE, SVG, plain
+from wt_gym.base.picture_style import BLUE, COLORS, GRAY, GREEN, INK, LINE_STYLES, ORANGE, plain
 
-ROOT = Path(__file__).resolve().parents[2]
-DATA = ROOT / "docs" / "data"
 CURVES, RECORD = "validation_figures.json", "validation.json"
 MOST_POINTS = 240  # of a curve
 PICTURES = {
@@ -56,22 +53,8 @@ PICTURES = {
 is the abscissa, and title and labels of the panel that shows them."""
 
 
-def parse_arguments(words=None):
-    """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--run", nargs="+", metavar="CASE", default=[], help="cases to run first, or 'all'")
-    parser.add_argument("--out", type=Path, default=DATA, help="folder of data and figures (default: %(default)s)")
-    arguments = parser.parse_args(words)
-    known = cases_of_pictures()
-    if unknown := set(arguments.run) - {*known, "all"}:
-        parser.error(f"--run must name cases among {', '.join(known)} or all, got {', '.join(sorted(unknown))}")
-    arguments.run = list(known) if "all" in arguments.run else arguments.run
-    return arguments
-
-
-def cases_of_pictures():
-    """Names of the cases whose figures are drawn."""
-    return tuple(dict.fromkeys(part[0] for parts in PICTURES.values() for part in parts if len(part) == 2))
+CASES = tuple(dict.fromkeys(part[0] for parts in PICTURES.values() for part in parts if len(part) == 2))
+"""Names of the cases whose figures are drawn."""
 
 
 def curves_of(result):
@@ -95,12 +78,8 @@ def run(names, path):
     known = load_cases()
     for name in names:
         result = run_case(known[name])
-        stored = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-        stored[name] = curves_of(result)
-        lines = ",\n".join(
-            f"{json.dumps(key)}: {json.dumps(stored[key], ensure_ascii=False)}" for key in sorted(stored)
-        )
-        path.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
+        stored = (read_json(path) if path.exists() else {}) | {name: curves_of(result)}
+        write_entries(path, dict(sorted(stored.items())), lambda value: json.dumps(value, ensure_ascii=False))
         print(f"{name}: {len(stored[name])} figures, {result.wall_time:.0f} s", flush=True)
 
 
@@ -116,18 +95,23 @@ def panels(parts, stored, record):
     record : dict
         Cases of the record.
     """
-    found = []
+
+    def number(title):
+        """Number of a published figure, by which those that have one are sorted."""
+        found = re.search(r"Fig\D*(\d+)", title)
+        return int(found[1]) if found else 0
+
+    shown = []
     for case, pattern, *words in parts:
         if words:
-            checks = [
-                (re.search(pattern, check["quantity"]), check) for check in record.get(case, {}).get("checks", ())
-            ]
-            chosen = sorted((float(match[1]), check) for match, check in checks if match)
-            found += [(words[0], compared(chosen, *words[1:]))] if chosen else []
+            checks = record.get(case, {}).get("checks", ())
+            matches = [(re.search(pattern, check["quantity"]), check) for check in checks]
+            chosen = sorted((float(match[1]), check) for match, check in matches if match)
+            shown += [(words[0], compared(chosen, *words[1:]))] if chosen else []
         else:
-            figures = sorted(stored.get(case, {}).items(), key=lambda item: number(item[0]))
-            found += [(title, figure) for title, figure in figures if re.search(pattern, title)]
-    return found
+            titles = sorted((title for title in stored.get(case, ()) if re.search(pattern, title)), key=number)
+            shown += [(title, stored[case][title]) for title in titles]
+    return shown
 
 
 def compared(chosen, x_label, y_label):
@@ -139,12 +123,6 @@ def compared(chosen, x_label, y_label):
     curves = [{"label": source, "style": "ks-", "x": x, "y": expected},
               {"label": "simulator", "style": "o-", "x": x, "y": obtained}]  # fmt: skip
     return {"x_label": x_label, "y_label": y_label, "curves": curves, "band": band}
-
-
-def number(title):
-    """Number of a published figure, by which those that have one are sorted."""
-    found = re.search(r"Fig\D*(\d+)", title)
-    return int(found[1]) if found else 0
 
 
 def look(style, k, over_time=False):
@@ -246,31 +224,29 @@ def draw_cases(cases):
 
 def draw(folder):
     """Draw all pictures whose data are there; gives their paths."""
-    written, figures = [], {}
-    stored = json.loads((folder / CURVES).read_text(encoding="utf-8")) if (folder / CURVES).exists() else {}
+    figures = {}
+    stored = read_json(folder / CURVES) if (folder / CURVES).exists() else {}
     record = read_record(folder / RECORD) if (folder / RECORD).exists() else {}
     for name, parts in PICTURES.items():
         if shown := panels(parts, stored, record):
             figures[name] = draw_panels(shown)
     if record:
         figures["validation_cases"] = draw_cases(record)
-    for name, figure in figures.items():
-        drawing = io.StringIO()
-        with mpl.rc_context({**SVG, "svg.hashsalt": name}):
-            figure.savefig(drawing, format="svg", metadata={"Date": None})
-        # hundredths of a point are enough
-        text = re.sub(r"\d+\.\d{3,}", lambda found: f"{float(found[0]):.2f}", drawing.getvalue())
-        path = folder / f"{name}.svg"
-        path.write_text(text, encoding="utf-8")
-        written.append(path)
-    return written
+    paths = [save_svg(figure, folder / f"{name}.svg") for name, figure in figures.items()]
+    for path in paths:  # hundredths of a point are enough
+        text = path.read_text(encoding="utf-8")
+        path.write_text(re.sub(r"\d+\.\d{3,}", lambda found: f"{float(found[0]):.2f}", text), encoding="utf-8")
+    return paths
 
 
 def main(words=None):
-    """Run what is asked for, draw, write."""
-    arguments = parse_arguments(words)
+    """Run cases, draw, write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--run", nargs="+", default=[], choices=[*CASES, "all"], help="cases to run first")
+    parser.add_argument("--out", type=Path, default=DATA, help="folder of data and figures (default: %(default)s)")
+    arguments = parser.parse_args(words)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    run(arguments.run, arguments.out / CURVES)
+    run(CASES if "all" in arguments.run else arguments.run, arguments.out / CURVES)
     for path in draw(arguments.out):
         print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
     return 0

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from wt_gym.base.declared import broken, check_fields, count, number, one_of, whole
 from wt_gym.base.errors import WtGymError
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.base.types import Integers
 
 
@@ -19,101 +19,14 @@ class AerodynamicsError(WtGymError, ValueError):
 SEPARATION_LAG = 4.0
 """Time constant of the separation point with ``dynamic_stall`` in chord lengths traveled [-], Øye's own (1991)."""
 
-RULES = {
-    "n_chord n_span wake_rows full_rows coarse_stride sparse_stride sparse_span refresh_stride": whole(1),
-    "wind_stride far_wake_rows": whole(1),
-    "fresh_rows": whole(0),
-    "bound_core wake_core viscosity squire stall_lag": number(0.0),
-    "azimuth_step_deg": number(0.0, above=True),
-    "tree_tolerance": number(0.0, 0.1, above=True, below=True),
-    "shed_fraction": number(0.0, 1.0, above=True),
-    "ground_height": number(0.0).or_none,
-    "dynamic_stall": one_of("oye").or_none,
-    "load_form": one_of("joukowski", "bernoulli"),
-    "narrow_strips": one_of("ends", "tip"),
-    "induction": one_of("direct", "tree"),
-}
 
-
-@dataclass(frozen=True)
-class AeroOptions:
+@option_record
+class AeroOptions(Options):
     """Discretization, wake treatment and physics of a `VortexLattice`.
 
     Always there: the force of the changing circulation (added mass), and the arcs for which the two segments stand that
     meet in a node of the wake, see `local_induction_kernels`: without them a wake moves the faster the longer its
     segments are.
-
-    Parameters
-    ----------
-    n_chord, n_span : int
-        Panels along the chord and along the span of one blade.
-    narrow_strips : str
-        Where the strips of a blade are narrower: "ends", or "tip" for few of them, see `planform.span_distribution`.
-    azimuth_step_deg : float
-        Recommended turn of the rotor in one aerodynamic step [deg]; the solver itself takes any time step.
-    wake_rows : int
-        Most rows of wake rings that are kept; older rows are dropped.
-    trailing_edge_wake, tip_wake : bool
-        Edges that shed a wake: the trailing edge, and the tip of a blade (the side edge from the trailing corner to the
-        leading edge). At least one must: without a wake the flow has no memory.
-    full_rows, coarse_stride : int
-        Rows older than the first ``full_rows`` keep only every ``coarse_stride``-th shed row; the rings between are
-        merged with their time-weighted mean circulation. ``coarse_stride=1`` keeps all.
-    sparse_from, sparse_stride, sparse_span : int
-        From row ``sparse_from`` on (None: nowhere) only every ``sparse_stride``-th shed row is kept, and of its nodes
-        only the last three, every ``sparse_span``-th inboard of them and the first carry vortices, rings between merged
-        by the areas that they sweep; the other nodes move with the velocities of these neighbors. With
-        ``sparse_from=None`` both must be 1.
-    fresh_rows, refresh_stride : int
-        The induced velocity of the first ``fresh_rows`` rows is computed every step, that of an older row in turn every
-        ``refresh_stride`` steps, in the first third of the rows every ``refresh_stride // 4``. Between, it turns with
-        the blade (rows one step apart) or belongs to the air.
-    wind_stride : int
-        The undisturbed wind at wake rows behind the shedding edge is asked for every ``wind_stride`` steps, rows in
-        turn; between, the air keeps its wind as it moves. No common divisor with the strides of the rows spreads the
-        work evenly.
-    far_wake : bool
-        Continue the wake behind its last row by a semi-infinite vortex cylinder per span boundary (rotors only).
-    far_wake_rows : int
-        Number of the oldest rows from which strength, radius and axis of those cylinders are measured.
-    viscous : bool
-        Decambering from the airfoil polars, fed back into the boundary condition, with profile drag and moment.
-    stall_lag : float
-        Time constant of the decambering in chord lengths traveled [-]. It only delays the approach to the polar: it
-        selects one branch, continuously in time, where a stalled strip has several steady solutions. Not used with
-        ``dynamic_stall``, whose separation point does the same.
-    dynamic_stall : str or None
-        None: the static polar, with ``stall_lag``. "oye": the separation point lags behind that of the static polar;
-        while the flow is still attached, the lift exceeds the polar and the drag falls below it (Øye 1991; drag of
-        Hansen, Gaunaa & Madsen 2004). Needs ``viscous``.
-    load_form : str
-        "joukowski": force of the local velocity on every bound segment, with the suction of the leading edge;
-        "bernoulli": pressure jump of the panels along their normals (Gebhardt et al. 2012, section 3), without it.
-    bound_core : float
-        Core radius of bound segments in the boundary condition, in panel chords [-].
-    wake_core : float
-        Initial core radius of wake segments in local chords [-].
-    viscosity : float
-        Kinematic viscosity of air [m^2/s].
-    squire : float
-        Coefficient a1 of the turbulent core growth, rc^2 = rc0^2 + 4 * 1.25643 * (nu + a1 |Gamma|) * age [-].
-    core_strain : bool
-        A stretched segment keeps the volume of its core: rc^2 l grows by 4 * 1.25643 * (nu + a1 |Gamma|) l dt, so that
-        the core shrinks where the filament is drawn out (Bhagwat & Leishman, AHS Forum 58, 2002). Otherwise age alone
-        sets the core.
-    curved_filaments : bool
-        Move the corners of the wake's trailing polygons outwards by two thirds of the sagitta of their segments, so
-        that a polygon follows the curve through its nodes with no mean deviation; an error of the azimuth step squared.
-    shed_fraction : float
-        Position of the newest wake row between the trailing edge (0) and the place to which the air that passed the
-        trailing edge one step ago has moved (1). Below one half the lumped shed vortex best represents the sheet.
-    induction : str
-        "direct": every segment at every target; "tree": far clusters of segments by their moments, for wakes of more
-        than some 10 000 segments.
-    tree_tolerance : float
-        Error of the tree code, root mean square, relative to the mean induced velocity.
-    ground_height : float or None
-        Height of a flat ground, not negative [m]; the wake and the blades are then mirrored in it. None: no ground.
 
     Raises
     ------
@@ -121,41 +34,118 @@ class AeroOptions:
         If a value lies outside the range in which it has a meaning.
     """
 
-    n_chord: int = 2
-    n_span: int = 18
-    narrow_strips: str = "ends"
-    azimuth_step_deg: float = 8.0
-    wake_rows: int = 135
-    trailing_edge_wake: bool = True
-    tip_wake: bool = False
-    full_rows: int = 135
-    coarse_stride: int = 1
-    sparse_from: int | None = None
-    sparse_stride: int = 1
-    sparse_span: int = 1
-    fresh_rows: int = 135
-    refresh_stride: int = 1
-    wind_stride: int = 1
-    far_wake: bool = True
-    far_wake_rows: int = 90
-    viscous: bool = True
-    stall_lag: float = 1.5
-    dynamic_stall: str | None = None
-    load_form: str = "joukowski"
-    bound_core: float = 0.01
-    wake_core: float = 0.1
-    viscosity: float = 1.5e-5
-    squire: float = 1e-4
-    core_strain: bool = True
-    curved_filaments: bool = True
-    shed_fraction: float = 0.25
-    induction: str = "direct"
-    tree_tolerance: float = 1e-3
-    ground_height: float | None = None
+    title = "aero"
+    prefix = "AeroOptions."
+    error = AerodynamicsError
 
-    def __post_init__(self) -> None:
-        """Refuse values without meaning, and thinning that contradicts itself."""
-        check_fields(self, RULES, AerodynamicsError)
+    n_chord: int = option("panels along the chord of one blade", default=2, low=1)
+    n_span: int = option("panels along the span of one blade", default=18, low=1)
+    narrow_strips: str = option(
+        "where strips are narrower, see `planform.span_distribution`", default="ends", choices=("ends", "tip")
+    )
+    azimuth_step_deg: float = option(
+        "recommended turn a step; any is taken", default=8.0, unit="deg", low=0, above=True
+    )
+    wake_rows: int = option("most rows of wake rings that are kept; older rows are dropped", default=135, low=1)
+    trailing_edge_wake: bool = option(
+        "the trailing edge sheds a wake; it or the tip must: without a wake the flow has no memory", default=True
+    )
+    tip_wake: bool = option(
+        "the tip (the side edge from the trailing corner to the leading edge) sheds a wake", default=False
+    )
+    full_rows: int = option("rows that keep every shed row; older ones are thinned", default=135, low=1)
+    coarse_stride: int = option(
+        "rows older than ``full_rows`` keep every such shed row only; the rings between are merged with their "
+        "time-weighted mean circulation",
+        default=1,
+        low=1,
+    )
+    sparse_from: int | None = option("row beyond which ``sparse_stride`` holds", default=None, otherwise="nowhere")
+    sparse_stride: int = option("from there on only every such shed row is kept", default=1, low=1)
+    sparse_span: int = option(
+        "of its nodes only the last three, every such one inboard of them and the first carry vortices, rings between "
+        "merged by the areas that they sweep; the other nodes move with the velocities of these neighbors",
+        default=1,
+        low=1,
+    )
+    fresh_rows: int = option("rows whose induced velocity is computed every step", default=135, low=0)
+    refresh_stride: int = option(
+        "that of older rows is computed in turn every so many steps, in the first third of the rows every quarter of "
+        "it; between, it turns with the blade (rows one step apart) or belongs to the air",
+        default=1,
+        low=1,
+    )
+    wind_stride: int = option(
+        "the wind at rows behind the shedding edge is asked for every so many steps, rows in turn; between, the air "
+        "keeps it as it moves. No common divisor with the strides of the rows spreads the work evenly",
+        default=1,
+        low=1,
+    )
+    far_wake: bool = option(
+        "continue the wake by a semi-infinite vortex cylinder per span boundary (rotors only)", default=True
+    )
+    far_wake_rows: int = option("oldest rows that give strength, radius and axis of the cylinders", default=90, low=1)
+    viscous: bool = option(
+        "decambering from the polars, fed back into the boundary condition, with profile drag and moment", default=True
+    )
+    stall_lag: float = option(
+        "time constant of the decambering in chord lengths traveled. It only delays the approach to the polar: it "
+        "selects one branch, continuously in time, where a stalled strip has several steady solutions. Not used with "
+        "``dynamic_stall``, whose separation point does the same",
+        default=1.5,
+        unit="-",
+        low=0,
+    )
+    dynamic_stall: str | None = option(
+        '"oye": the separation point lags behind that of the static polar; while the flow is still attached, the lift '
+        "exceeds the polar and the drag falls below it (Øye 1991; drag of Hansen, Gaunaa & Madsen 2004). Needs "
+        "``viscous``",
+        default=None,
+        otherwise="the static polar, with ``stall_lag``",
+        choices=("oye",),
+    )
+    load_form: str = option(
+        '"joukowski": force of the local velocity on every bound segment, with the suction of the leading edge; '
+        '"bernoulli": pressure jump of the panels along their normals (Gebhardt et al. 2012, section 3), without it',
+        default="joukowski",
+        choices=("joukowski", "bernoulli"),
+    )
+    bound_core: float = option("core of bound segments in the boundary condition, in panel chords", default=0.01, low=0)
+    wake_core: float = option("initial core of wake segments in local chords", default=0.1, unit="-", low=0)
+    viscosity: float = option("kinematic, of air", default=1.5e-5, unit="m^2/s", low=0)
+    squire: float = option(
+        "a1 of the turbulent core growth, rc^2 = rc0^2 + 4 * 1.25643 * (nu + a1 |Gamma|) * age", default=1e-4, low=0
+    )
+    core_strain: bool = option(
+        "a stretched segment keeps the volume of its core: rc^2 l grows by 4 * 1.25643 * (nu + a1 |Gamma|) l dt "
+        "(Bhagwat & Leishman, AHS Forum 58, 2002); otherwise age alone sets the core",
+        default=True,
+    )
+    curved_filaments: bool = option(
+        "move the corners of the wake's trailing polygons outwards by two thirds of the sagitta of their segments, so "
+        "that a polygon follows the curve through its nodes with no mean deviation",
+        default=True,
+    )
+    shed_fraction: float = option(
+        "place of the newest row between the trailing edge (0) and where the air that passed it a step ago is now (1); "
+        "below one half the lumped shed vortex best represents the sheet",
+        default=0.25,
+        low=0,
+        high=1,
+        above=True,
+    )
+    induction: str = option(
+        '"tree": moments of far clusters, from 10 000 segments on', default="direct", choices=("direct", "tree")
+    )
+    tree_tolerance: float = option(
+        "rms error over the mean velocity", default=1e-3, low=0, high=0.1, above=True, below=True
+    )
+    ground_height: float | None = option(
+        "of a flat ground that mirrors wake and blades", default=None, unit="m", otherwise="no ground", low=0
+    )
+
+    def check(self) -> None:
+        """Refuse a lattice without memory, and thinning that contradicts itself."""
         if not (self.trailing_edge_wake or self.tip_wake):
             raise AerodynamicsError(
                 "AeroOptions.trailing_edge_wake and tip_wake are both False: a lattice that sheds no wake has no memory"
@@ -165,17 +155,19 @@ class AeroOptions:
                 f"AeroOptions.dynamic_stall is {self.dynamic_stall!r} with viscous=False; it needs the polars: "
                 "viscous=True"
             )
-        if self.sparse_from is None and (self.sparse_stride != 1 or self.sparse_span != 1):
+        start, stride, span = self.sparse_from, self.sparse_stride, self.sparse_span
+        if start is None and (stride, span) != (1, 1):
             raise AerodynamicsError(
-                f"AeroOptions.sparse_stride is {self.sparse_stride} and sparse_span {self.sparse_span} with "
-                "sparse_from=None; both must be 1 there, or sparse_from a row number: nothing else thins by them"
+                f"AeroOptions.sparse_stride and sparse_span must be 1 with sparse_from=None, got {stride} and {span}"
             )
-        if self.sparse_from is not None and not count(self.sparse_from, int(self.full_rows) + 1):
-            allowed = f"None or more than full_rows, {self.full_rows}, a whole number"
-            raise broken(self, "sparse_from", allowed, AerodynamicsError)
-        if self.sparse_from is not None and self.sparse_stride % self.coarse_stride:
-            allowed = f"a multiple of coarse_stride, {self.coarse_stride}"
-            raise broken(self, "sparse_stride", allowed, AerodynamicsError)
+        if start is not None and start <= self.full_rows:
+            raise AerodynamicsError(
+                f"AeroOptions.sparse_from must be None or more than full_rows, {self.full_rows}, got {start}"
+            )
+        if start is not None and stride % self.coarse_stride:
+            raise AerodynamicsError(
+                f"AeroOptions.sparse_stride must be a multiple of coarse_stride, {self.coarse_stride}, got {stride}"
+            )
 
     def for_step(self, step_deg: float) -> AeroOptions:
         """Options for a step that turns the rotor by another angle than the recommended one.
@@ -243,7 +235,7 @@ ENGINEERING = AeroOptions(
     sparse_stride=3, sparse_span=3, fresh_rows=1, refresh_stride=8, wind_stride=3, far_wake_rows=22, squire=1e-3,
 )  # fmt: skip
 # 11 turns at 9 rpm, 15 at 12 rpm, all of them free and recomputed every step; every second row beyond the first 200.
-# The tree code stays well below the error that it is allowed: 3e-3 gives less than 1e-3 (scripts/bench/induction.py).
+# The tree code stays well below the error that it is allowed: 3e-3 gives less than 1e-3 (test_tree_induction.py).
 REFERENCE = AeroOptions(
     n_chord=4, n_span=24, azimuth_step_deg=7.5, wake_rows=480, full_rows=200, coarse_stride=2, fresh_rows=480,
     refresh_stride=1, far_wake=False, squire=1e-3, induction="tree", tree_tolerance=3e-3,

@@ -7,74 +7,49 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import numpy as np
+import plotly.graph_objects as go
+from matplotlib.figure import Figure
+from plotly.subplots import make_subplots
 from scipy.stats import spearmanr
 
-from wt_gym.analysis.metrics import METRICS, power_spectral_density
-from wt_gym.analysis.page import (
-    MUTED,
-    NONE,
-    Row,
-    Section,
-    agent_labels,
-    agent_styles,
-    change_tag,
-    details,
-    figure_element,
-    format_estimate,
-    format_value,
-    html_list,
-    legend,
-    markdown,
-    settings_element,
-    style,
-    table,
-    titles_at_left,
-    today,
-    write_page,
-)
+from wt_gym.analysis import page
+from wt_gym.analysis.metrics import COLUMN_HEADS, METRICS, mean_spectrum
+from wt_gym.analysis.page import NONE, Row, Section, change_tag, format_estimate
 from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE
-from wt_gym.analysis.statistics import Estimate, paired_change, relative_change
+from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, Estimate, paired_change, relative_change
+from wt_gym.base.picture_style import COLORS, MARKERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    import plotly.graph_objects as go
     import xarray as xr
-    from matplotlib.figure import Figure
 
     from wt_gym.analysis.results import Evaluation, Wind
 
-_COLUMNS = {
-    "blade_flap_del": "flap DEL",
-    "blade_edge_del": "edge DEL",
-    "tower_fore_aft_del": "tower fore-aft DEL",
-    "tower_side_side_del": "tower side-side DEL",
-    "pitch_travel": "pitch travel",
-    "mean_power": "power",
-}
-COMPARED = tuple(_COLUMNS)
+COMPARED = (*LIFETIME_EXPONENTS, "pitch_travel", "mean_power")
 """Metrics whose changes are compared."""
+_HEADS = [COLUMN_HEADS[key] for key in COMPARED]
 SERIES = ("wind_x", "rotor_speed", "pitch_1", "root_flap_moment_1", "tower_base_fore_aft_moment", "generator_power")
 """Signals that are laid over each other."""
 _SPECTRA = ("root_flap_moment_1", "tower_base_fore_aft_moment", "tower_base_side_side_moment", "pitch_1")
 _LOADS = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
 _PLOTTED = (*_LOADS, "pitch_travel")
 _LEAST_FOR_RANKS = 3
-_SHARED = 0.5
-"""Part of a time step by which the instants of two samples that are taken as one may differ."""
-_SHOWN = 60.0
-"""Length of the signals that are drawn [s]."""
-_FASTEST = 3.0
-"""Up to which spectra are drawn [Hz]."""
+_SHOWN = 60.0  # length of the signals that are drawn [s]
+_FASTEST = 3.0  # spectra are drawn up to it [Hz]
+_UNITS = {
+    "N m": (1e-6, "MN m"),
+    "W": (1e-6, "MW"),
+    "rad/s": (30.0 / math.pi, "rpm"),
+    "rad": (180.0 / math.pi, "deg"),
+}
 _CHANGES_FILE = "figures/changes.svg"
-# Okabe and Ito's colors, told apart by color-blind readers too; beside them markers by wind speed
-_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-_MARKERS = "os^Dv<>"
 
 
 def _finite(value: float) -> float | None:
@@ -84,23 +59,12 @@ def _finite(value: float) -> float | None:
 
 @dataclass(frozen=True)
 class Crosscheck:
-    """Two evaluations of the same agents in the same winds.
-
-    Attributes
-    ----------
-    names : (str, str)
-        Of the simulators.
-    evaluations : (Evaluation, Evaluation)
-        The first is the one that the agents were made with.
-
-    Raises
-    ------
-    ValueError
-        If agents, winds or baseline are not the same.
-    """
+    """Two evaluations of the same agents in the same winds, against the same baseline."""
 
     names: tuple[str, str]
+    """Of the simulators."""
     evaluations: tuple[Evaluation, Evaluation]
+    """The first is that of the simulator that the agents were made with."""
 
     def __post_init__(self) -> None:
         first, second = self.evaluations
@@ -113,16 +77,6 @@ class Crosscheck:
     def baseline(self) -> str:
         """Agent that the others are compared with, in each simulator for itself."""
         return self.evaluations[0].baseline
-
-    @property
-    def agents(self) -> list[str]:
-        """All but the baseline."""
-        return self.evaluations[0].others
-
-    @property
-    def speeds(self) -> list[float]:
-        """Mean wind speeds, ascending [m/s]."""
-        return self.evaluations[0].speeds
 
     def changes(self, agent: str, key: str, speed: float | None = None) -> tuple[Estimate | None, Estimate | None]:
         """Change of a metric against the baseline in both simulators, at a mean wind speed [m/s] or in all winds."""
@@ -139,62 +93,52 @@ class Crosscheck:
 
         One says that both simulators put the agents into the same order.
         """
-        pairs = [self.changes(agent, key, speed) for agent in self.agents]
+        pairs = [self.changes(agent, key, speed) for agent in self.evaluations[0].others]
         values = [(0.0, 0.0)] + [(a.value, b.value) for a, b in pairs if a is not None and b is not None]
-        table = np.array(values)
-        if len(table) < _LEAST_FOR_RANKS or not np.ptp(table, axis=0).all():
+        if len(values) < _LEAST_FOR_RANKS or not np.ptp(values, axis=0).all():
             return math.nan
-        return float(spearmanr(table[:, 0], table[:, 1]).statistic)
-
-    @cached_property
-    def skip(self) -> float:
-        """Start of the runs that is left out [s]."""
-        return float(self.evaluations[0].settings["skip"])
+        return float(spearmanr(values).statistic)
 
     def common(self, agent: str, wind: Wind) -> tuple[xr.Dataset, xr.Dataset]:
         """Signals of both runs after the skipped start, as long as both lasted."""
         first, second = (each.run(agent, wind).data for each in self.evaluations)
         end = min(float(data.time[-1]) for data in (first, second))
-        step = float(first.time[1] - first.time[0])
-        span = slice(self.skip - _SHARED * step, end + _SHARED * step)
+        half = 0.5 * float(first.time[1] - first.time[0])  # instants of both that differ by less are one
+        span = slice(float(self.evaluations[0].settings["skip"]) - half, end + half)
         return first.sel(time=span), second.sel(time=span)
 
     def sample_correlation(self, agent: str, name: str) -> float:
         """Mean over the winds of the correlation of a signal in both simulators, sample by sample."""
-        found = []
-        for wind in self.evaluations[0].winds:
-            first, second = (data[name].values for data in self.common(agent, wind))
-            if min(first.size, second.size) > 1 and first.std() > 0.0 and second.std() > 0.0:
-                found.append(float(np.corrcoef(first, second)[0, 1]))
-        return float(np.mean(found)) if found else math.nan
+        pairs = [[data[name].values for data in self.common(agent, wind)] for wind in self.evaluations[0].winds]
+        moving = [pair for pair in pairs if all(values.size > 1 and values.std() > 0.0 for values in pair)]
+        return float(np.mean([np.corrcoef(pair)[0, 1] for pair in moving])) if moving else math.nan
 
     def spectra(self, agent: str, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Frequencies [Hz] and the mean power spectral densities of a signal in both simulators."""
-        frequency, sums = np.zeros(0), [np.zeros(0), np.zeros(0)]
-        for wind in self.evaluations[0].winds:
-            for k, data in enumerate(self.common(agent, wind)):
-                step = float(data.time[1] - data.time[0])
-                frequency, density = power_spectral_density(data[name].values, step)
-                sums[k] = sums[k] + density if sums[k].size == density.size else density
-        count = len(self.evaluations[0].winds)
-        return frequency, sums[0] / count, sums[1] / count
+        both = zip(*(self.common(agent, wind) for wind in self.evaluations[0].winds), strict=True)
+        (frequency, first), (_, second) = (mean_spectrum(runs, name) for runs in both)
+        return frequency, first, second
 
     @cached_property
     def content(self) -> dict[str, Any]:
         """All numbers of the page, as JSON values: changes with their intervals, levels and correlations."""
-        rows = []
-        for speed in (*self.speeds, None):
-            for key in COMPARED:
-                row: dict[str, Any] = {"wind_speed": speed, "metric": key, "level": _finite(self.level(key, speed))}
-                row["rank_correlation"] = _finite(self.rank_correlation(key, speed))
-                row["changes"] = {
+        rows = [
+            {
+                "wind_speed": speed,
+                "metric": key,
+                "level": _finite(self.level(key, speed)),
+                "rank_correlation": _finite(self.rank_correlation(key, speed)),
+                "changes": {
                     agent: [None if change is None else change.to_json() for change in self.changes(agent, key, speed)]
-                    for agent in self.agents
-                }
-                rows.append(row)
+                    for agent in self.evaluations[0].others
+                },
+            }
+            for speed in (*self.evaluations[0].speeds, None)
+            for key in COMPARED
+        ]
         samples = {
             agent: {name: _finite(self.sample_correlation(agent, name)) for name in SERIES}
-            for agent in (self.baseline, *self.agents)
+            for agent in (self.baseline, *self.evaluations[0].others)
         }
         return {
             "simulators": list(self.names),
@@ -221,21 +165,22 @@ def _change_rows(
 ) -> list[Row]:
     """Changes of every agent in both simulators, in a cell each."""
     rows: list[Row] = []
-    for speed, found in _by_speed(content).items():
-        rows.append(_heading(speed, labels))
+    for speed, of_metric in _by_speed(content).items():
+        rows.append(Row(_speed_text(speed)))
         for agent in _agents(content)[1:]:
-            pairs = {key: [_estimate(change) for change in found[key]["changes"][agent]] for key in COMPARED}
+            pairs = {key: [_estimate(change) for change in of_metric[key]["changes"][agent]] for key in COMPARED}
             rows.append(Row(labels.get(agent, agent), [cell(key, pair) for key, pair in pairs.items()]))
     return rows
 
 
-def _agreement_rows(content: Mapping[str, Any], labels: Mapping[str, str]) -> list[Row]:
+def _agreement_rows(content: Mapping[str, Any]) -> list[Row]:
     """Level of the baseline and rank correlation of the agents, by wind speed."""
     rows = []
-    for speed, found in _by_speed(content).items():
-        ranks = [_number(found[key]["rank_correlation"]) for key in COMPARED]
-        levels = [_percent(found[key]["level"]) for key in COMPARED]
-        rows += [_heading(speed, labels), Row("level", levels), Row("rank correlation", ranks)]
+    for speed, of_metric in _by_speed(content).items():
+        levels = [of_metric[key]["level"] for key in COMPARED]
+        shown = [NONE if level is None else f"{page.signed(100.0 * level, 1)} %" for level in levels]
+        ranks = [_number(of_metric[key]["rank_correlation"]) for key in COMPARED]
+        rows += [Row(_speed_text(speed)), Row("level", shown), Row("rank correlation", ranks)]
     return rows
 
 
@@ -246,7 +191,7 @@ def _correlation_rows(content: Mapping[str, Any], labels: Mapping[str, str]) -> 
 
 def _baseline_rows(content: Mapping[str, Any]) -> list[Row]:
     return [
-        Row(name, [format_value(key, metrics[key]) if key in metrics else "" for key in COMPARED])
+        Row(escape(name), [page.format_value(key, metrics[key]) if key in metrics else "" for key in COMPARED])
         for name, metrics in zip(content["simulators"], content["baseline_metrics"], strict=True)
     ]
 
@@ -264,10 +209,8 @@ def _agents(content: Mapping[str, Any]) -> list[str]:
     return list(content["sample_correlation"])
 
 
-def _heading(speed: float | None, labels: Mapping[str, str]) -> Row:
-    """Wind speed above its rows; on a page, which has labels of the agents, with its unit."""
-    text = "all" if speed is None else f"{speed:g}"
-    return Row(text if not labels else "All winds" if speed is None else f"{text} m/s")
+def _speed_text(speed: float | None) -> str:
+    return "All winds" if speed is None else f"{speed:g} m/s"
 
 
 def _estimate(record: Mapping[str, Any] | None) -> Estimate | None:
@@ -279,62 +222,37 @@ def _pair(key: str, changes: list[Estimate | None]) -> str:
     return " / ".join(NONE if c is None else format_estimate(key, c).partition(" [")[0] for c in changes)
 
 
-def _percent(value: float | None) -> str:
-    return NONE if value is None else f"{100.0 * value:+.1f} %".replace("-", "\u2212")
-
-
 def _number(value: float | None) -> str:
     return NONE if value is None else f"{value:.2f}".replace("-", "\u2212")
 
 
 def tables(content: Mapping[str, Any]) -> str:
-    """Markdown of the changes side by side, the order of the agents, levels and correlations.
-
-    Parameters
-    ----------
-    content : mapping
-        As `Crosscheck.content`, and ``crosscheck.json`` has it.
-    """
+    """Markdown of a ``crosscheck.json``: changes side by side, order of the agents, levels, correlations."""
     (first, second), baseline = content["simulators"], content["baseline"]
-    lines = [
-        f"Changes against {baseline} in the same simulator: {first} / {second}.",
-        "",
-        *markdown(["wind [m/s]", "agent", *_COLUMNS.values()], _change_rows(content, _pair, {})),
-        "",
-        f"{baseline} in {first} over that in {second}, and Spearman's rank correlation of all agents' changes "
-        "between both.",
-        "",
-        *markdown(["wind [m/s]", "", *_COLUMNS.values()], _agreement_rows(content, {})),
-        "",
-        "Correlation sample by sample, mean over the winds.",
-        "",
-        *markdown(["agent", *SERIES], _correlation_rows(content, {})),
-    ]
-    for simulator, sentences in zip(content["simulators"], content.get("idle", ()), strict=False):
-        lines += ["", *(f"In {simulator} {sentence}" for sentence in sentences)] if sentences else []
-    labels = [f"{name} [{METRICS[key].unit}]" for key, name in _COLUMNS.items()]
-    lines += ["", f"{baseline}, mean over all winds.", "", *markdown(["simulator", *labels], _baseline_rows(content))]
-    return "\n".join(lines)
+    labels = [f"{name} [{METRICS[key].unit}]" for key, name in zip(COMPARED, _HEADS, strict=True)]
+    parts = [
+        [f"Changes against {baseline} in the same simulator: {first} / {second}."],
+        page.markdown(["wind", "agent", *_HEADS], _change_rows(content, _pair, {})),
+        [f"{baseline} in {first} over that in {second}, and Spearman's rank correlation of all agents' changes between "
+         "both."],
+        page.markdown(["wind", "", *_HEADS], _agreement_rows(content)),
+        ["Correlation sample by sample, mean over the winds."],
+        page.markdown(["agent", *SERIES], _correlation_rows(content, {})),
+        *([f"In {simulator} {sentence}" for sentence in sentences]
+          for simulator, sentences in zip(content["simulators"], content.get("idle", ()), strict=False) if sentences),
+        [f"{baseline}, mean over all winds."],
+        page.markdown(["simulator", *labels], _baseline_rows(content)),
+    ]  # fmt: skip
+    return "\n\n".join("\n".join(part) for part in parts)
 
 
 # ---- pages ----
 
 
 def write_crosscheck(check: Crosscheck, folder: str | Path, command: str | None = None) -> tuple[Path, Path]:
-    """Write ``crosscheck.json``, figures, and the pages ``crosscheck.md`` and ``report.html``.
+    """Write ``crosscheck.json``, figures, and the pages ``crosscheck.md`` and ``report.html``; return both pages.
 
-    Parameters
-    ----------
-    check : Crosscheck
-    folder : str or Path
-        The page links to the evaluations of both simulators where they are in it.
-    command : str, optional
-        That repeats it.
-
-    Returns
-    -------
-    page, report : Path
-        ``crosscheck.md`` and ``report.html``.
+    The report links to the evaluations of both simulators where they are in the folder. ``command`` repeats it.
     """
     folder = Path(folder)
     (folder / "figures").mkdir(parents=True, exist_ok=True)
@@ -344,9 +262,9 @@ def write_crosscheck(check: Crosscheck, folder: str | Path, command: str | None 
         _signals_figure(check, agent).savefig(folder / signals, dpi=110)
         _spectra_figure(check, agent).savefig(folder / spectra, dpi=110)
     (folder / "crosscheck.json").write_text(json.dumps(content, indent=1, default=str), encoding="utf-8")
-    page = folder / "crosscheck.md"
-    page.write_text(_text(check, content, command), encoding="utf-8")
-    return page, _write_report(check, content, folder, command)
+    text = folder / "crosscheck.md"
+    text.write_text(_text(check, content, command), encoding="utf-8")
+    return text, _write_report(check, content, folder, command)
 
 
 def _figure_files(content: Mapping[str, Any]) -> dict[str, list[str]]:
@@ -372,27 +290,23 @@ def _early_ends(check: Crosscheck) -> list[str]:
 def _text(check: Crosscheck, content: Mapping[str, Any], command: str | None) -> str:
     """Markdown of the whole page."""
     evaluation = check.evaluations[0]
-    ends = _early_ends(check)
-    lines = [
+    parts = [
         f"# {evaluation.turbine}: {check.names[0]} and {check.names[1]}",
-        "",
         f"{evaluation.settings['env_id']}, {_duration(check)}. Winds: {'; '.join(content['winds'])}.",
-        "",
-        *([f"```\n{command}\n```", ""] if command else []),
+        f"```\n{command}\n```" if command else "",
         f"![changes in {check.names[0]} and {check.names[1]}]({_CHANGES_FILE})",
-        "",
         tables(content),
-        *(["", *ends] if ends else []),
+        "\n".join(_early_ends(check)),
     ]
     for agent, (signals, spectra) in _figure_files(content).items():
-        lines += ["", f"## {agent}", "", f"![signals]({signals})", "", f"![spectra]({spectra})"]
-    return "\n".join(lines) + "\n"
+        parts += [f"## {agent}", f"![signals]({signals})", f"![spectra]({spectra})"]
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def _write_report(check: Crosscheck, content: Mapping[str, Any], folder: Path, command: str | None) -> Path:
     evaluation = check.evaluations[0]
-    labels = agent_labels(evaluation.agents)
-    heads = [name[0].upper() + name[1:] for name in _COLUMNS.values()]
+    labels = page.agent_labels(evaluation.agents)
+    heads = [page.column_head(key) for key in COMPARED]
     more = [
         f"changes against <b>{escape(check.baseline)}</b> in the same simulator; above {escape(check.names[0])}, below"
         f" {escape(check.names[1])}"
@@ -404,19 +318,17 @@ def _write_report(check: Crosscheck, content: Mapping[str, Any], folder: Path, c
         )
 
     units = [f"{head} <small>[{METRICS[key].unit}]</small>" for key, head in zip(COMPARED, heads, strict=True)]
-    changes = table(["Agent", *heads], _change_rows(content, cell, labels))
-    agreement = table(["", *heads], _agreement_rows(content, labels))
-    baseline = table(
-        [escape(check.baseline), *units], [Row(escape(row.header), row.cells) for row in _baseline_rows(content)]
-    )
-    signals = table(["Agent", *(name.replace("_", " ") for name in SERIES)], _correlation_rows(content, labels))
+    changes = page.table(["Agent", *heads], _change_rows(content, cell, labels))
+    agreement = page.table(["", *heads], _agreement_rows(content))
+    baseline = page.table([escape(check.baseline), *units], _baseline_rows(content))
+    signals = page.table(["Agent", *(name.replace("_", " ") for name in SERIES)], _correlation_rows(content, labels))
     images = "".join(
-        details(agent, "".join(f"<img loading='lazy' alt='' src='{quote(file)}'>" for file in files))
+        page.details(agent, "".join(f"<img loading='lazy' alt='' src='{quote(file)}'>" for file in files))
         for agent, files in _figure_files(content).items()
     )
-    settings = "".join(settings_element(each.settings) for each in check.evaluations)
-    figure = figure_element("changes", _interactive_changes(check, content))
-    return write_page(
+    settings = "".join(page.settings_element(each.settings) for each in check.evaluations)
+    figure = page.figure_element("changes", _interactive_changes(check, content))
+    return page.write_page(
         folder / "report.html",
         title=f"{evaluation.turbine}: {check.names[0]} and {check.names[1]}",
         result=_result(check),
@@ -425,17 +337,17 @@ def _write_report(check: Crosscheck, content: Mapping[str, Any], folder: Path, c
             "Winds": "; ".join(content["winds"]),
             "Duration": _duration(check),
             "Environment": str(evaluation.settings["env_id"]),
-            "Date": today(),
+            "Date": page.today(),
         },
         sections=[
             Section(
-                "verdict", "Do both simulators see the same changes?", legend(more=more) + changes + figure,
+                "verdict", "Do both simulators see the same changes?", page.legend(more=more) + changes + figure,
                 link="Changes",
             ),
             Section("agreement", "Agreement by load", agreement + baseline, _AGREEMENT_CAPTION, "Agreement"),
             Section("signals", "Signals sample by sample", signals, _CORRELATION_CAPTION, "Signals"),
             Section("pictures", "Signals and spectra", images, "Both simulators on top of each other.", "Pictures"),
-            Section("ends", "What ended early", html_list(_early_ends(check)), link="Ends"),
+            Section("ends", "What ended early", page.html_list(_early_ends(check)), link="Ends"),
             Section("runs", "Runs", _runs(check, folder)),
             Section("method", "Settings", (f"<pre>{escape(command)}</pre>" if command else "") + settings),
         ],
@@ -451,19 +363,17 @@ _CORRELATION_CAPTION = "Correlation of a signal in both simulators, mean over th
 
 def _result(check: Crosscheck) -> str:
     """In how many comparisons of loads both simulators say the same."""
-    same, told = 0, 0
-    for agent in check.agents:
-        for speed in check.speeds:
-            for key in _LOADS:
-                kinds = [change.kind(key) for change in check.changes(agent, key, speed) if change is not None]
-                if len(kinds) == 2 and any(kind in ("better", "worse") for kind in kinds):
-                    told += 1
-                    same += kinds[0] == kinds[1]
-    if not told:
+    pairs = [
+        [change.kind(key) for change in check.changes(agent, key, speed) if change is not None]
+        for agent, key, speed in product(check.evaluations[0].others, _LOADS, check.evaluations[0].speeds)
+    ]
+    seen = [pair for pair in pairs if len(pair) == 2 and {"better", "worse"}.intersection(pair)]
+    if not seen:
         return f"Neither {check.names[0]} nor {check.names[1]} sees a change of a fatigue load."
     return (
-        f"{check.names[0]} and {check.names[1]} agree on what gets better and worse in {same} of {told} changes of"
-        f" fatigue loads against {check.baseline}."
+        f"{check.names[0]} and {check.names[1]} agree on what gets better and worse in"
+        f" {sum(first == second for first, second in seen)} of {len(seen)} changes of fatigue loads against"
+        f" {check.baseline}."
     )
 
 
@@ -481,7 +391,9 @@ def _runs(check: Crosscheck, folder: Path) -> str:
         }
         rows = [Row(escape(wind.label), [links[a, wind] for a in evaluation.agents]) for wind in evaluation.winds]
         whole = " and ".join(f"<a href='{quote(f'{name}/{file}')}'>{file}</a>" for file in (METRICS_FILE, TABLE_FILE))
-        parts.append(f"<h3>{escape(name)}</h3><p>{whole}</p>" + table(["Wind", *map(escape, evaluation.agents)], rows))
+        parts.append(
+            f"<h3>{escape(name)}</h3><p>{whole}</p>" + page.table(["Wind", *map(escape, evaluation.agents)], rows)
+        )
     return "".join(parts)
 
 
@@ -503,11 +415,9 @@ def _points(content: Mapping[str, Any], key: str) -> tuple[dict[str, list[tuple[
 
 def _interactive_changes(check: Crosscheck, content: Mapping[str, Any]) -> go.Figure:
     """Changes in the second simulator over those in the first, a point for each agent and wind speed (plotly)."""
-    from plotly.subplots import make_subplots
-
-    titles = [f"{_COLUMNS[key]} [{'times' if key == 'pitch_travel' else '%'}]" for key in _PLOTTED]
+    titles = [f"{COLUMN_HEADS[key]} [{'times' if key == 'pitch_travel' else '%'}]" for key in _PLOTTED]
     figure = make_subplots(rows=len(_PLOTTED), cols=1, subplot_titles=titles, vertical_spacing=0.08)
-    styles = agent_styles(check.evaluations[0].agents)
+    styles = page.agent_styles(check.evaluations[0].agents)
     for row, key in enumerate(_PLOTTED, start=1):
         points, ends = _points(content, key)
         for agent, shown in points.items():
@@ -519,31 +429,23 @@ def _interactive_changes(check: Crosscheck, content: Mapping[str, Any]) -> go.Fi
                 hovertemplate=f"{agent}, %{{customdata}}: %{{x:.1f}}, %{{y:.1f}}<extra></extra>",
             )  # fmt: skip
         figure.add_scatter(
-            x=ends, y=ends, mode="lines", line={"color": MUTED, "width": 1, "dash": "dot"}, hoverinfo="skip",
+            x=ends, y=ends, mode="lines", line={"color": page.MUTED, "width": 1, "dash": "dot"}, hoverinfo="skip",
             showlegend=False, row=row, col=1,
         )  # fmt: skip
         figure.update_yaxes(title_text=check.names[1], row=row, col=1)
         figure.update_xaxes(title_text=check.names[0], row=row, col=1)
-    titles_at_left(figure)
-    return style(figure, 280 * len(_PLOTTED) + 80)
+    page.titles_at_left(figure)
+    return page.style(figure, 280 * len(_PLOTTED) + 80)
 
 
 def changes_figure(content: Mapping[str, Any]) -> Figure:
-    """Changes in the second simulator over those in the first, a point for each agent and wind speed (matplotlib).
-
-    Parameters
-    ----------
-    content : mapping
-        As of `tables`.
-    """
-    from matplotlib.figure import Figure
-
+    """Changes in the second simulator over those in the first, a point for each agent and wind speed (matplotlib)."""
     speeds = [speed for speed in _by_speed(content) if speed is not None]
     looks = {
-        agent: {"color": _COLORS[k % len(_COLORS)], "fillstyle": "full" if k < len(_COLORS) else "none"}
+        agent: {"color": COLORS[k % len(COLORS)], "fillstyle": "full" if k < len(COLORS) else "none"}
         for k, agent in enumerate(_agents(content)[1:])
     }
-    marks = {speed: _MARKERS[m % len(_MARKERS)] for m, speed in enumerate(speeds)}
+    marks = {speed: MARKERS[m % len(MARKERS)] for m, speed in enumerate(speeds)}
     figure = Figure(figsize=(11.0, 6.6), layout="constrained")
     axes = figure.subplots(2, 2).ravel()
     for ax, key in zip(axes, _PLOTTED, strict=True):
@@ -553,7 +455,7 @@ def changes_figure(content: Mapping[str, Any]) -> Figure:
                 ax.plot(x, y, marks[speed], markersize=5, **looks[agent])
         ax.plot(ends, ends, color="0.6", linewidth=0.8, zorder=0)
         unit = "times" if key == "pitch_travel" else "change, %"
-        ax.set_title(f"{_COLUMNS[key]} against {content['baseline']} [{unit}]", fontsize=9)
+        ax.set_title(f"{COLUMN_HEADS[key]} against {content['baseline']} [{unit}]", fontsize=9)
         ax.grid(alpha=0.3)
     figure.supxlabel(content["simulators"][0], fontsize=9)
     figure.supylabel(content["simulators"][1], fontsize=9)
@@ -568,8 +470,6 @@ def changes_figure(content: Mapping[str, Any]) -> Figure:
 
 def _signals_figure(check: Crosscheck, agent: str) -> Figure:
     """Signals of both simulators in the wind in the middle of the list, on top of each other."""
-    from matplotlib.figure import Figure
-
     winds = check.evaluations[0].winds
     wind = winds[len(winds) // 2]
     pair = check.common(agent, wind)
@@ -578,7 +478,7 @@ def _signals_figure(check: Crosscheck, agent: str) -> Figure:
     for ax, name in zip(axes, SERIES, strict=True):
         for data, label in zip(pair, check.names, strict=True):
             shown = data.sel(time=slice(None, float(data.time[0]) + _SHOWN))
-            factor, unit = _scale(data[name].attrs["units"])
+            factor, unit = _UNITS.get(data[name].attrs["units"], (1.0, data[name].attrs["units"]))
             ax.plot(shown.time, factor * shown[name], label=label, linewidth=1.0)
         ax.set_ylabel(f"{name}\n[{unit}]", fontsize=7)
         ax.grid(alpha=0.3)
@@ -590,8 +490,6 @@ def _signals_figure(check: Crosscheck, agent: str) -> Figure:
 
 def _spectra_figure(check: Crosscheck, agent: str) -> Figure:
     """Spectra of both simulators, means over all winds."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(10.0, 6.0), layout="constrained")
     for ax, name in zip(figure.subplots(2, 2).ravel(), _SPECTRA, strict=True):
         frequency, *densities = check.spectra(agent, name)
@@ -604,10 +502,3 @@ def _spectra_figure(check: Crosscheck, agent: str) -> Figure:
     figure.supxlabel("frequency [Hz]")
     figure.supylabel("power spectral density")
     return figure
-
-
-def _scale(unit: str) -> tuple[float, str]:
-    """Factor and unit in which a signal is drawn."""
-    return {
-        "N m": (1e-6, "MN m"), "W": (1e-6, "MW"), "rad/s": (30.0 / math.pi, "rpm"), "rad": (180.0 / math.pi, "deg"),
-    }.get(unit, (1.0, unit))  # fmt: skip

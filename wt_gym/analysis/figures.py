@@ -7,19 +7,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from wt_gym.analysis.metrics import power_spectral_density
-from wt_gym.analysis.page import (
-    BETTER,
-    MUTED,
-    WIND_COLOR,
-    agent_styles,
-    format_estimate,
-    style,
-    titles_at_left,
-)
+from wt_gym.analysis.metrics import mean_spectrum
+from wt_gym.analysis.page import BETTER, MUTED, WIND_COLOR, agent_styles, format_estimate, style, titles_at_left
 from wt_gym.analysis.statistics import level_of, paired_change
 
 if TYPE_CHECKING:
@@ -33,8 +26,7 @@ if TYPE_CHECKING:
 def _largest_tip(run: xr.Dataset) -> NDArray[np.float64]:
     """Downwind deflection of the tip that is bent most [m]."""
     names = [name for name in run.data_vars if str(name).startswith("tip_out_of_plane_")]
-    out: NDArray[np.float64] = np.max([run[name].values for name in names], axis=0)
-    return out
+    return np.asarray(np.max([run[name].values for name in names], axis=0))
 
 
 _ROWS: tuple[tuple[str, str | Callable[[xr.Dataset], NDArray[np.float64]], float, str], ...] = (
@@ -50,8 +42,16 @@ _ROWS: tuple[tuple[str, str | Callable[[xr.Dataset], NDArray[np.float64]], float
 
 
 def _line(look: dict[str, str]) -> dict[str, Any]:
-    """Line of an agent."""
     return {"color": look["color"], "dash": look["dash"], "width": 1.6}
+
+
+def _rule(width: float = 1.0, dash: str = "dash", color: str = MUTED) -> dict[str, Any]:
+    return {"color": color, "width": width, "dash": dash}
+
+
+def _panels(titles: list[str], gap: float) -> go.Figure:
+    """Panels below each other that share their horizontal axis."""
+    return make_subplots(rows=len(titles), cols=1, shared_xaxes=True, vertical_spacing=gap, subplot_titles=titles)
 
 
 def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
@@ -60,9 +60,7 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
     The rows share their time axis: zooming one zooms all.
     """
     styles = agent_styles(evaluation.agents)
-    figure = make_subplots(
-        rows=len(_ROWS), cols=1, shared_xaxes=True, vertical_spacing=0.032, subplot_titles=[row[0] for row in _ROWS]
-    )
+    figure = _panels([row[0] for row in _ROWS], 0.032)
     for agent in evaluation.agents:
         run = evaluation.run(agent, wind)
         time = run.data["time"].values
@@ -72,22 +70,15 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
                 continue  # all agents meet the same wind
             line = {"color": WIND_COLOR, "width": 1.4} if i == 1 else _line(styles[agent])
             values = factor * (run.data[signal].values if isinstance(signal, str) else signal(run.data))
-            figure.add_trace(
-                go.Scatter(
-                    x0=float(time[0]), dx=step, y=compact(values), mode="lines", line=line,
-                    name="wind" if i == 1 else agent, legendgroup=agent, showlegend=i == 2, hovertemplate="%{y:.4g}",
-                ),
-                row=i, col=1,
+            figure.add_scatter(
+                x0=float(time[0]), dx=step, y=compact(values), mode="lines", line=line, row=i, col=1,
+                name="wind" if i == 1 else agent, legendgroup=agent, showlegend=i == 2, hovertemplate="%{y:.4g}",
             )  # fmt: skip
         if not run.complete:
-            figure.add_vline(
-                x=run.duration, line={"color": styles[agent]["color"], "width": 1, "dash": "dot"}, row="all", col=1
-            )
+            figure.add_vline(x=run.duration, line=_rule(1, "dot", styles[agent]["color"]), row="all", col=1)
     for i, (_, _, factor, limit) in enumerate(_ROWS, start=1):
         if limit in evaluation.limits:
-            figure.add_hline(
-                y=factor * evaluation.limits[limit], line={"color": MUTED, "width": 1, "dash": "dash"}, row=i, col=1
-            )
+            figure.add_hline(y=factor * evaluation.limits[limit], line=_rule(1), row=i, col=1)
     titles_at_left(figure)
     style(figure, height=1180)
     figure.update_layout(hovermode="x unified", hoversubplots="axis")
@@ -104,28 +95,21 @@ def spectra_figure(evaluation: Evaluation, skip: float) -> go.Figure:
         ("Tower base, side-side moment", "tower_base_side_side_moment"),
     )
     styles = agent_styles(evaluation.agents)
-    figure = make_subplots(
-        rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.05,
-        subplot_titles=[f"{title} [(MN m)²/Hz]" for title, _ in rows],
-    )  # fmt: skip
+    figure = _panels([f"{title} [(MN m)²/Hz]" for title, _ in rows], 0.05)
     for agent in evaluation.agents:
-        spectra = _mean_spectra(evaluation, agent, [name for _, name in rows], skip)
-        for i, (_, name) in enumerate(rows, start=1):
-            if name not in spectra:
-                continue
-            frequency, density = spectra[name]
-            figure.add_trace(
-                go.Scatter(
-                    x=compact(frequency), y=compact(density / 1e12), mode="lines",
-                    line=_line(styles[agent]), name=agent, legendgroup=agent, showlegend=i == 1,
-                    hovertemplate="%{y:.3g}",
-                ),
-                row=i, col=1,
+        whole = [run.data for run in evaluation.runs_of(agent) if run.complete]
+        counted = [data.isel(time=data["time"].values >= data["time"].values[0] + skip - 1e-9) for data in whole]
+        counted = [data for data in counted if data.sizes["time"] >= 64]
+        for i, (_, name) in enumerate(rows if counted else (), start=1):
+            frequency, density = mean_spectrum(counted, name)
+            figure.add_scatter(
+                x=compact(frequency), y=compact(density / 1e12), mode="lines", line=_line(styles[agent]), name=agent,
+                legendgroup=agent, showlegend=i == 1, hovertemplate="%{y:.3g}", row=i, col=1,
             )  # fmt: skip
     turning = [run.data["rotor_speed"].values.mean() for run in evaluation.runs_of(evaluation.baseline)]
     rotation = float(np.mean(turning)) / (2 * np.pi)
     for multiple, rotor_frequency in (("1P", rotation), ("3P", 3 * rotation)):
-        figure.add_vline(x=rotor_frequency, line={"color": MUTED, "width": 1, "dash": "dot"}, row="all", col=1)
+        figure.add_vline(x=rotor_frequency, line=_rule(1, "dot"), row="all", col=1)
         figure.add_annotation(
             x=np.log10(rotor_frequency), y=1, xref="x", yref="y domain", text=multiple, showarrow=False,
             yanchor="bottom",
@@ -137,22 +121,6 @@ def spectra_figure(evaluation: Evaluation, skip: float) -> go.Figure:
     figure.update_yaxes(type="log", exponentformat="power", dtick=2)
     figure.update_xaxes(title_text="Frequency [Hz]", row=len(rows), col=1)
     return figure
-
-
-def _mean_spectra(
-    evaluation: Evaluation, agent: str, names: list[str], skip: float
-) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Frequency and mean density of each signal over the complete runs of an agent."""
-    found: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
-    for run in evaluation.runs_of(agent):
-        time = run.data["time"].values
-        kept = time >= time[0] + skip - 1e-9
-        if not run.complete or np.count_nonzero(kept) < 64:
-            continue
-        step = float(np.diff(time).mean())
-        for name in names:
-            found.setdefault(name, []).append(power_spectral_density(run.data[name].values[kept], step))
-    return {name: (spectra[0][0], np.mean([s[1] for s in spectra], axis=0)) for name, spectra in found.items()}
 
 
 def compact(values: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -217,24 +185,18 @@ def _add_points(
     """Changes of one agent as points with intervals, and numbers behind these."""
     estimates = [change for _, change in changes]
     text = [format_estimate(key, change) for key, change in changes]
-    figure.add_trace(
-        go.Scatter(
-            x=[100 * c.value for c in estimates], y=heights, mode="markers", name=agent, legendgroup=agent,
-            marker={"color": look["color"], "symbol": look["symbol"], "size": 10}, showlegend=row == 2,
-            error_x=_error_bar(estimates, 100.0, look["color"]), customdata=text,
-            hovertemplate=f"{agent}: %{{customdata}}<extra></extra>", cliponaxis=False,
-        ),
-        row=row, col=1,
+    common: dict[str, Any] = {"y": heights, "legendgroup": agent, "cliponaxis": False, "row": row, "col": 1}
+    figure.add_scatter(
+        x=[100 * c.value for c in estimates], mode="markers", name=agent, showlegend=row == 2, customdata=text,
+        marker={"color": look["color"], "symbol": look["symbol"], "size": 10},
+        error_x=_error_bar(estimates, 100.0, look["color"]), hovertemplate=f"{agent}: %{{customdata}}<extra></extra>",
+        **common,
     )  # fmt: skip
     if labeled:
-        figure.add_trace(
-            go.Scatter(
-                x=[100 * (c.high if c.has_interval else c.value) for c in estimates], y=heights, mode="text",
-                text=[f"\u2002{words.partition(' [')[0]}" for words in text], textposition="middle right",
-                textfont={"color": look["color"], "size": 12}, hoverinfo="skip", legendgroup=agent, showlegend=False,
-                cliponaxis=False,
-            ),
-            row=row, col=1,
+        figure.add_scatter(
+            x=[100 * (c.high if c.has_interval else c.value) for c in estimates], mode="text", showlegend=False,
+            text=[f"\u2002{words.partition(' [')[0]}" for words in text], textposition="middle right",
+            textfont={"color": look["color"], "size": 12}, hoverinfo="skip", **common,
         )  # fmt: skip
 
 
@@ -267,25 +229,18 @@ def pareto_figure(evaluation: Evaluation) -> go.Figure | None:
             if duty is not None and load is not None and load.relative:
                 points[agent] = duty, load
         front = _front({agent: (duty.value, load.value) for agent, (duty, load) in points.items()})
-        figure.add_trace(
-            go.Scatter(
-                x=[x for x, _ in front], y=[100 * y for _, y in front], mode="lines", hoverinfo="skip",
-                line={"color": MUTED, "width": 1, "dash": "dash"}, showlegend=False,
-            ),
-            **place,
+        figure.add_scatter(
+            x=[x for x, _ in front], y=[100 * y for _, y in front], mode="lines", hoverinfo="skip", line=_rule(1),
+            showlegend=False, **place,
         )  # fmt: skip
         for agent, (duty, load) in points.items():
             look = styles[agent]
-            figure.add_trace(
-                go.Scatter(
-                    x=[duty.value], y=[100 * load.value], mode="markers", name=agent, legendgroup=agent,
-                    showlegend=agent not in named,
-                    marker={"color": look["color"], "symbol": look["symbol"], "size": 11},
-                    error_x=_error_bar([duty], 1.0, look["color"]), error_y=_error_bar([load], 100.0, look["color"]),
-                    hovertemplate=f"{agent}<br>duty cycle {duty.value:.2f} %<br>flap DEL "
-                    f"{format_estimate('blade_flap_del', load)}<extra></extra>",
-                ),
-                **place,
+            figure.add_scatter(
+                x=[duty.value], y=[100 * load.value], mode="markers", name=agent, legendgroup=agent,
+                showlegend=agent not in named, marker={"color": look["color"], "symbol": look["symbol"], "size": 11},
+                error_x=_error_bar([duty], 1.0, look["color"]), error_y=_error_bar([load], 100.0, look["color"]),
+                hovertemplate=f"{agent}<br>duty cycle {duty.value:.2f} %<br>flap DEL "
+                f"{format_estimate('blade_flap_del', load)}<extra></extra>", **place,
             )  # fmt: skip
             named.add(agent)
         figure.add_hline(y=0.0, line={"color": MUTED, "width": 1}, layer="below", **place)
@@ -327,27 +282,13 @@ def trainings(evaluation: Evaluation) -> list[list[str]]:
 
 def running_mean(values: NDArray[np.float64], half_width: int) -> NDArray[np.float64]:
     """Mean of values (n,) over a centered window, ``half_width`` to either side, that shrinks at the ends."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    index = np.arange(len(values))
-    low, high = np.maximum(index - half_width, 0), np.minimum(index + half_width + 1, len(values))
-    out: NDArray[np.float64] = (total[high] - total[low]) / (high - low)
-    return out
+    return np.asarray(pd.Series(values).rolling(2 * half_width + 1, center=True, min_periods=1).mean())
 
 
 def median_and_range(
     curves: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Median, least and greatest of several curves over the steps that all of them cover.
-
-    Parameters
-    ----------
-    curves : list of (numpy.ndarray, numpy.ndarray)
-        Steps, ascending, and values.
-
-    Returns
-    -------
-    steps, median, low, high : numpy.ndarray, shape (n,)
-    """
+    """Steps that all of several curves (ascending steps, values) cover, and their median, least and greatest there."""
     steps = np.linspace(max(s[0] for s, _ in curves), min(s[-1] for s, _ in curves), _GRID)
     values = np.array([np.interp(steps, s, v) for s, v in curves])
     return steps, np.median(values, axis=0), values.min(axis=0), values.max(axis=0)
@@ -365,43 +306,27 @@ def learning_figure(evaluation: Evaluation, agents: list[str]) -> go.Figure:
     lengths = np.concatenate([_curve(evaluation.training[agent], _LENGTH)[1] for agent in agents])
     if np.ptp(lengths) <= _SAME_LENGTH:
         del panels[_LENGTH]
-    figure = make_subplots(
-        rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.14, subplot_titles=list(panels.values())
-    )
+    figure = _panels(list(panels.values()), 0.14)
     for row, name in enumerate(panels, start=1):
         curves = [_curve(evaluation.training[agent], name) for agent in agents]
         smooth = [(steps, running_mean(values, max(1, len(values) // 12))) for steps, values in curves]
-        show = {"showlegend": row == 1}
+        place: dict[str, Any] = {"row": row, "col": 1}
+        show = place | {"showlegend": row == 1}
         if len(agents) == 1:
-            steps, values = curves[0]
             points = {"color": look["color"], "size": 4, "opacity": 0.35}
-            traces = [
-                go.Scatter(x=steps, y=values, mode="markers", marker=points, name="episode", **show),
-                go.Scatter(
-                    x=steps,
-                    y=smooth[0][1],
-                    mode="lines",
-                    line=line,
-                    name="running mean",
-                    **show,
-                ),
-            ]
+            figure.add_scatter(x=curves[0][0], y=curves[0][1], mode="markers", marker=points, name="episode", **show)
+            middle, title = smooth[0], "running mean"
         else:
             steps, median, low, high = median_and_range(smooth)
             edge = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "x": steps}
-            traces = [
-                go.Scatter(y=low, showlegend=False, **edge),
-                go.Scatter(
-                    y=high, fill="tonexty", fillcolor=_faint(look["color"]), name=f"range of {len(agents)} seeds",
-                    **edge, **show,
-                ),
-                go.Scatter(x=steps, y=median, mode="lines", line=line, name="median of the seeds", **show),
-            ]  # fmt: skip
-        for trace in traces:
-            figure.add_trace(trace, row=row, col=1)
+            name, color = f"range of {len(agents)} seeds", _faint(look["color"])
+            figure.add_scatter(y=low, showlegend=False, **edge, **place)
+            figure.add_scatter(y=high, fill="tonexty", fillcolor=color, name=name, **edge, **show)
+            middle, title = (steps, median), "median of the seeds"
+        figure.add_scatter(x=middle[0], y=middle[1], mode="lines", line=line, name=title, **show)
     if all(evaluation.training[agent].get("environment", {}).get("relative_reward") for agent in agents):
         figure.add_hline(  # rewards are differences to those of the base controller
-            y=0.0, line={"color": MUTED, "width": 1.2, "dash": "dash"}, annotation_text="base controller",
+            y=0.0, line=_rule(1.2), annotation_text="base controller",
             annotation_font={"size": 12, "color": MUTED}, annotation_position="bottom right", row=1, col=1,
         )  # fmt: skip
     titles_at_left(figure)

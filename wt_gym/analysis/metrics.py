@@ -13,7 +13,7 @@ import numpy as np
 import rainflow
 from scipy import signal as scipy_signal
 
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -38,32 +38,22 @@ TOWER_DIRECTIONS = 12
 
 @dataclass(frozen=True)
 class Metric:
-    """Name and form of a figure of merit.
-
-    Attributes
-    ----------
-    label, unit : str
-        Unit as shown.
-    factor : float
-        From SI to the shown unit.
-    better : int
-        +1 if more is better, -1 if less is, 0 if neither.
-    digits : int
-        Decimals to show.
-    over_winds : {"mean", "max", "min", "sum"}
-        What several winds come to: extremes stay extremes, events are counted.
-    share : bool
-        Whether a change may be a share of a reference. Not of counts, and margins with a sign: a clearance from 0.1 to
-        0.3 m is 0.2 m more, not 200 %.
-    """
+    """Name and form of a figure of merit."""
 
     label: str
     unit: str
+    """As shown."""
     factor: float
+    """From SI to the shown unit."""
     better: int
+    """+1 if more is better, -1 if less is, 0 if neither."""
     digits: int
+    """Decimals to show."""
     over_winds: str = "mean"
+    """Value over several winds, "mean", "max", "min" or "sum": extremes stay extremes, events are counted."""
     share: bool = True
+    """A change may be a share of a reference. Not of counts, and margins with a sign: a clearance from 0.1 to 0.3 m is
+    0.2 m more, not 200 %."""
 
 
 METRICS: dict[str, Metric] = {
@@ -104,6 +94,28 @@ LIMIT_METRICS = ("limits_violated",)
 """Metrics that only runs with limits of costs have."""
 
 
+COLUMN_HEADS = {
+    "mean_power": "power",
+    "corrected_power": "power",
+    "blade_flap_del": "flap DEL",
+    "blade_edge_del": "edge DEL",
+    "tower_fore_aft_del": "tower fore-aft DEL",
+    "tower_side_side_del": "tower side-side DEL",
+    "pitch_duty_cycle": "duty",
+    "pitch_travel": "pitch travel",
+    "rotor_speed_max": "speed max",
+    "tip_clearance_min": "clearance min",
+    "overspeed_count": "overspeeds",
+    "limits_violated": "beyond a limit",
+    "tracking_rms": "error rms",
+    "tracking_mean": "error mean",
+    "tracking_rms_share": "error rms/rated",
+    "saturated_share": "saturated",
+    "demanded_energy": "energy/demanded",
+}
+"""Short names of metrics, heads of the columns of tables."""
+
+
 def metric_of(key: str | Metric) -> Metric:
     """The metric of a key of `METRICS`, or the metric itself."""
     return METRICS[key] if isinstance(key, str) else key
@@ -111,10 +123,8 @@ def metric_of(key: str | Metric) -> Metric:
 
 def measured_metrics(tables: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
     """Keys of `METRICS` without those of the tracked power and of limits where no table of a run has them."""
-    found = list(tables)
-    groups = (TRACKING_METRICS, LIMIT_METRICS)
-    absent = {key for keys in groups if not any(keys[0] in table for table in found) for key in keys}
-    return tuple(key for key in METRICS if key not in absent)
+    present = {key for table in tables for key in table}
+    return tuple(key for key in METRICS if key not in (*TRACKING_METRICS, *LIMIT_METRICS) or key in present)
 
 
 def idle_time(run: xr.Dataset) -> float:
@@ -123,10 +133,7 @@ def idle_time(run: xr.Dataset) -> float:
 
 
 def idle_sentence(agent: str, spells: Iterable[tuple[str, float]]) -> str | None:
-    """Sentence on runs in which a turbine made no power, None where there are none.
-
-    ``spells`` are the names of the winds and the `idle_time` of the runs [s].
-    """
+    """Sentence on runs without power, None where there are none; of names of winds and the `idle_time` of runs [s]."""
     cases = [f"{time:.0f} s in {wind}" for wind, time in spells if time > 0.0]
     if not cases:
         return None
@@ -138,7 +145,7 @@ def idle_sentence(agent: str, spells: Iterable[tuple[str, float]]) -> str | None
 
 
 def damage_equivalent_load(signal: NDArray[np.float64], duration: float, exponent: float) -> float:
-    """Range of the constant-amplitude load at 1 Hz that does the damage of a signal.
+    """Range of the constant-amplitude load at 1 Hz that does the damage of a signal, in its unit; zero for a constant.
 
     ``DEL = (sum n_i S_i^m / N_eq)^(1/m)`` over rainflow cycles of range S_i and count n_i (1, or 0.5 for what is left
     open), with N_eq = duration in seconds.
@@ -151,16 +158,6 @@ def damage_equivalent_load(signal: NDArray[np.float64], duration: float, exponen
         Time it spans [s].
     exponent : float
         Woehler exponent m [-].
-
-    Returns
-    -------
-    float
-        Peak-to-peak load in the unit of the signal; zero for a constant one.
-
-    Raises
-    ------
-    ValueError
-        If the signal is not one-dimensional and finite, or duration or exponent is not positive.
     """
     signal = np.asarray(signal, dtype=np.float64)
     if signal.ndim != 1 or not np.isfinite(signal).all():
@@ -174,11 +171,6 @@ def damage_equivalent_load(signal: NDArray[np.float64], duration: float, exponen
     # Relative to the largest range: 1e8 to the tenth power would waste the digits of a float.
     damage = np.sum(cycles[:, 1] * (cycles[:, 0] / largest) ** exponent) / duration
     return float(largest * damage ** (1.0 / exponent))
-
-
-def _count_events(above: NDArray[np.bool_]) -> int:
-    """Number of times a condition becomes true."""
-    return int(above[0]) + int(np.count_nonzero(above[1:] & ~above[:-1]))
 
 
 def _worst_direction(channel: Callable[[str], NDArray[np.float64]], duration: float) -> float:
@@ -276,6 +268,7 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
     travel = np.mean([channel(f"pitch_travel_{b}") for b in blades], axis=0).sum()
     stored = 0.5 * rotor_inertia(turbine) * (speed[-1] ** 2 - float(start["rotor_speed"]) ** 2)
     torque_rate = np.diff(channel("generator_torque")) / step
+    over = fastest > 1.1 * turbine.drivetrain.rated_rotor_speed
     tracking = _tracking(channel, turbine, step) if "demanded_power" in run else {}
     return {
         "mean_power": float(power.mean()),
@@ -285,7 +278,7 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         "rotor_speed_mean": float(speed.mean()),
         "rotor_speed_std": float(speed.std()),
         "rotor_speed_max": float(fastest.max()),
-        "overspeed_count": float(_count_events(fastest > 1.1 * turbine.drivetrain.rated_rotor_speed)),
+        "overspeed_count": float(over[0] + np.count_nonzero(over[1:] & ~over[:-1])),
         "blade_flap_del": worst_del("root_flap_moment"),
         "blade_edge_del": worst_del("root_edge_moment"),
         "blade_flap_max": max(float(channel(f"root_flap_moment_max_{b}").max()) for b in blades),
@@ -316,11 +309,9 @@ def power_spectral_density(
     Parameters
     ----------
     signal : numpy.ndarray, shape (n,)
-        Evenly sampled.
-    time_step : float
-        [s]
-    segment_duration : float
-        Length of a segment [s]: the inverse of the resolution in frequency. Cut to the length of the signal.
+        Evenly sampled, at least eight.
+    time_step, segment_duration : float
+        [s]; the length of a segment, cut to that of the signal, is the inverse of the resolution in frequency.
 
     Returns
     -------
@@ -328,11 +319,6 @@ def power_spectral_density(
         Without zero [Hz].
     density : numpy.ndarray, shape (m,)
         Unit of the signal squared per Hz; its integral over frequency is the variance.
-
-    Raises
-    ------
-    ValueError
-        If the signal has less than eight samples or the time step is not positive.
     """
     signal = np.asarray(signal, dtype=np.float64)
     if signal.ndim != 1 or signal.size < 8 or not time_step > 0:
@@ -342,6 +328,16 @@ def power_spectral_density(
     samples = min(signal.size, max(8, round(segment_duration / time_step)))
     frequency, density = scipy_signal.welch(signal, fs=1.0 / time_step, nperseg=samples, detrend="constant")
     return frequency[1:], density[1:]
+
+
+def mean_spectrum(runs: Iterable[xr.Dataset], name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Frequencies [Hz] and mean power spectral density of a signal, over those runs that last as long as the longest.
+
+    Runs are at least 8 samples of a ``time`` [s].
+    """
+    spectra = [power_spectral_density(run[name].values, float(np.diff(run["time"].values).mean())) for run in runs]
+    frequency = max((frequency for frequency, _ in spectra), key=len)
+    return frequency, np.mean([density for _, density in spectra if density.size == frequency.size], axis=0)
 
 
 LIFETIME_COST_WEIGHTS = {

@@ -7,6 +7,7 @@ that opens without a network, in a light and a dark scheme, and in which tables 
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from datetime import datetime
 from html import escape
@@ -14,8 +15,8 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.analysis.metrics import metric_of
-from wt_gym.analysis.statistics import NEGLIGIBLE, difference
+from wt_gym.analysis.metrics import COLUMN_HEADS, metric_of
+from wt_gym.analysis.statistics import Estimate, difference
 from wt_gym.base.files import write_text_whole
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
     from wt_gym.analysis.metrics import Metric
-    from wt_gym.analysis.statistics import Estimate
 
 NONE, BEYOND = "\u2013", "\u2020"
 """Marks of a value that is missing, and of runs that ended early."""
@@ -42,12 +42,7 @@ def format_value(key: str | Metric, value: float, unit: bool = False) -> str:
 def format_difference(key: str | Metric, value: float, reference: float) -> str:
     """Signed difference of a metric to its reference, in percent where that makes sense, else in the unit shown."""
     amount, relative = difference(key, value, reference)
-    metric = metric_of(key)
-    if amount == 0.0:
-        return "="
-    if relative:
-        return f"{signed(100 * amount, 1)} %" if abs(amount) < 10 else f"\u00d7 {1 + amount:.0f}"
-    return signed(amount, metric.digits) + ("" if metric.unit == "-" else f" {metric.unit}")
+    return format_estimate(key, Estimate(amount, math.nan, math.nan, relative, 1))
 
 
 def format_estimate(key: str | Metric, estimate: Estimate) -> str:
@@ -77,13 +72,8 @@ def signed(value: float, digits: int) -> str:
 
 def difference_class(key: str | Metric, value: float, reference: float) -> str:
     """``"better"``, ``"worse"`` or ``"equal"`` than the reference, or ``"none"`` if neither is good."""
-    metric = metric_of(key)
     amount, relative = difference(key, value, reference)
-    if metric.better == 0:
-        return "none"
-    if abs(amount) < (NEGLIGIBLE if relative else 0.5 * 10.0**-metric.digits):
-        return "equal"
-    return "better" if amount * metric.better > 0 else "worse"
+    return Estimate(amount, amount, amount, relative, 1).kind(key)
 
 
 # ---- tables ----
@@ -99,21 +89,14 @@ CHANGES_LEGEND = {
 
 @dataclass(frozen=True)
 class Row:
-    """Row of a table.
-
-    Attributes
-    ----------
-    header : str
-        The first cell.
-    cells : sequence of str
-        None for a heading over the rows that follow.
-    kind : str
-        Classes: ``"sub"`` for a row that belongs to the one before, which is ``"under"`` then.
-    """
+    """Row of a table."""
 
     header: str
+    """The first cell."""
     cells: Sequence[str] = ()
+    """Empty for a heading over the rows that follow."""
     kind: str = ""
+    """Classes: ``"sub"`` for a row that belongs to the one before, which is ``"under"`` then."""
 
 
 def markdown(head: Sequence[str], rows: Iterable[Row]) -> list[str]:
@@ -172,6 +155,11 @@ def change_tag(
 def difference_tag(key: str | Metric, value: float, reference: float) -> str:
     """Difference of two extremes or counts, colored by what it means."""
     return tag(format_difference(key, value, reference), difference_class(key, value, reference))
+
+
+def column_head(key: str) -> str:
+    """Head of the column of a metric."""
+    return COLUMN_HEADS[key][0].upper() + COLUMN_HEADS[key][1:]
 
 
 def metric_label(key: str | Metric) -> str:
@@ -297,25 +285,17 @@ def titles_at_left(figure: go.Figure, count: int | None = None) -> None:
 
 @dataclass(frozen=True)
 class Section:
-    """Part of a page.
-
-    Attributes
-    ----------
-    name : str
-        Anchor.
-    heading, link : str
-        Text, of the heading and of the navigation.
-    content : str
-        HTML; a section without is left out.
-    caption : str
-        Text below the heading.
-    """
+    """Part of a page."""
 
     name: str
+    """Anchor."""
     heading: str
     content: str
+    """HTML; a section without is left out."""
     caption: str = ""
+    """Text below the heading."""
     link: str = ""
+    """Text of the navigation; by default the heading."""
 
     def html(self) -> str:
         """The section of the page."""
@@ -356,24 +336,18 @@ def write_page(
     sections: Iterable[Section],
     script: str = "",
 ) -> Path:
-    """Write a page whole, with plotly.js inside where it has figures.
+    """Write a page whole, with plotly.js inside where it has figures; return its path.
 
     Parameters
     ----------
     path : str or path
         HTML file; its folder is created if missing.
     title, result : str
-        What the page is about, and what came out, in one sentence.
+        Subject of the page, and the result in one sentence.
     facts : mapping
         From a name to a value, both text, shown below the result; None is left out.
-    sections : iterable of Section
-        In their order.
     script : str
         JavaScript to run before the figures are drawn.
-
-    Returns
-    -------
-    pathlib.Path
     """
     from plotly.offline import get_plotlyjs  # slow to import, and tables in text do not need it
 

@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from wt_gym.analysis import page
 from wt_gym.analysis.figures import (
     learning_figure,
     pareto_figure,
@@ -20,31 +21,7 @@ from wt_gym.analysis.figures import (
     verdict_figure,
 )
 from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS, measured_metrics
-from wt_gym.analysis.page import (
-    BEYOND,
-    CHANGES_LEGEND,
-    NONE,
-    Row,
-    Section,
-    agent_labels,
-    badge,
-    change_tag,
-    details,
-    difference_class,
-    difference_tag,
-    figure_element,
-    format_difference,
-    format_estimate,
-    format_value,
-    html_list,
-    legend,
-    metric_label,
-    settings_element,
-    table,
-    tag,
-    today,
-    write_page,
-)
+from wt_gym.analysis.page import BEYOND, NONE, Row, Section, change_tag, format_value
 from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE
 from wt_gym.analysis.statistics import (
     LEAST_PER_STRATUM,
@@ -71,13 +48,6 @@ if TYPE_CHECKING:
 _MOST_SERIES = 16
 # Wind speeds that are listed one by one in the header.
 _MOST_SPEEDS = 6
-_SHORT = {
-    "corrected_power": "Power",
-    "blade_flap_del": "Flap DEL",
-    "tower_fore_aft_del": "Fore-aft DEL",
-    "tower_side_side_del": "Side-side DEL",
-    "pitch_travel": "Pitch travel",
-}
 _CLEARANCE = "tip_clearance_min"
 _GROUPS = {
     "Power and rotor speed": (
@@ -103,7 +73,6 @@ def write_report(
 
     Parameters
     ----------
-    evaluation : Evaluation
     path : str or path
         HTML file; its folder is created if missing.
     files : sequence of str, optional
@@ -116,22 +85,17 @@ def write_report(
     -------
     pathlib.Path
         The file, 6 to 10 MB: plotly.js, some time series and the replay are inside.
-
-    Raises
-    ------
-    ValueError
-        If there is not one file for each run.
     """
     if files is not None and len(files) != len(evaluation.runs):
         raise ValueError(f"files must be one for each of {len(evaluation.runs)} runs, got {len(files)}")
     words = "".join(f"<p>{escape(paragraph)}</p>" for paragraph in summarize(evaluation))
-    return write_page(
+    return page.write_page(
         path,
         title=title or f"{evaluation.turbine}: evaluation of controllers",
         result=result_sentence(evaluation),
         facts=_facts(evaluation),
         sections=[
-            Section("verdict", _question(evaluation), _verdicts(evaluation, crosscheck), link="Verdict"),
+            _verdicts(evaluation, crosscheck),
             Section("summary", "In words", words),
             _comparison(evaluation),
             _lifetime(evaluation),
@@ -172,69 +136,45 @@ def _facts(evaluation: Evaluation) -> dict[str, str | None]:
             told("fidelity \u201c{}\u201d", "fidelity"),
             told("control step {:g} s", "control_dt"),
         ],
-        "Date": [today()],
+        "Date": [page.today()],
     }
     return {fact: ", ".join(part for part in words if part) for fact, words in parts.items()}
 
 
-def _question(evaluation: Evaluation) -> str:
-    """Question that the page answers first."""
-    others = evaluation.others
-    if not others:
-        return headline(evaluation)
-    return f"Is {others[0] if len(others) == 1 else 'any of these'} better than {evaluation.baseline}?"
-
-
-def _verdicts(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None) -> str:
+def _verdicts(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None) -> Section:
     """The answer: legend, a row an agent with the changes that decide and the tip clearance, and their picture."""
-    others = evaluation.others
+    others, base = evaluation.others, evaluation.baseline
     if not others:
-        return f"<p>{escape(result_sentence(evaluation))}</p>"
-    labels, base = agent_labels(evaluation.agents), evaluation.baseline
-    own = [_value(evaluation, base, key) for key in (*JUDGED, _CLEARANCE)]
-    rows = [Row(labels[base], [f"{badge('', 'Reference')}{_survived(evaluation, base)}", *own])]
+        answer = f"<p>{escape(result_sentence(evaluation))}</p>"
+        return Section("verdict", headline(evaluation), answer, link="Verdict")
+    rows: list[Row] = []
     note: list[str] = []
-    for agent in others:
-        result = verdict(evaluation, agent)
+    for agent, label in page.agent_labels(evaluation.agents).items():
+        lost = (
+            ""
+            if evaluation.survived(agent)
+            else f"<small class='note'>{_survival(evaluation, agent)} winds survived</small>"
+        )
+        clearance = _cell(evaluation, _CLEARANCE, agent, unit=True)
+        if agent == base:
+            own = [_cell(evaluation, key, agent, unit=True) for key in JUDGED]
+            rows.append(Row(label, [page.badge("", "Reference") + lost, *own, clearance]))
+            continue
+        result, there = verdict(evaluation, agent), _elsewhere(evaluation, crosscheck, agent)
         cells = [change_tag(key, paired_change(evaluation, agent, key), "main") for key in JUDGED]
-        there = _elsewhere(evaluation, crosscheck, agent)
-        word = f"{badge(result.kind, result.word)}{_survived(evaluation, agent)}"
-        cells = [word, *cells, _extreme(evaluation, _CLEARANCE, agent)]
-        rows.append(Row(labels[agent], cells, "under" if there else ""))
+        cells = [page.badge(result.kind, result.word) + lost, *cells, clearance]
+        rows.append(Row(label, cells, "under" if there else ""))
         if crosscheck is not None and there is not None:
             note = [escape(_crosscheck_note(crosscheck, evaluation.speeds[0]))]
             cells = ["", *(there.get(key, "") for key in JUDGED), ""]
             rows.append(Row(f"in {escape(_simulator(crosscheck))}", cells, "sub"))
-    head = ["Agent", "Verdict", *_SHORT.values(), "Tip clearance, smallest"]
+    head = ["Agent", "Verdict", *map(page.column_head, JUDGED), "Tip clearance, smallest"]
     more = [f"changes against <b>{escape(base)}</b> in the same winds, with 95 % intervals", *note]
     figure = verdict_figure(evaluation)
-    drawn = "" if figure is None else figure_element("changes", figure)
-    return legend(more=more) + table(head, rows, texts=(1,)) + drawn
-
-
-def _survived(evaluation: Evaluation, agent: str) -> str:
-    """Note on winds that were lost."""
-    runs = evaluation.runs_of(agent)
-    complete = sum(run.complete for run in runs)
-    return "" if complete == len(runs) else f"<small class='note'>{complete} of {len(runs)} winds survived</small>"
-
-
-def _value(evaluation: Evaluation, agent: str, key: str, speed: float | None = None) -> str:
-    """Value of a metric with its unit."""
-    values = evaluation.overall_metrics(agent, speed)
-    return format_value(key, values[key], unit=True) if key in values else NONE
-
-
-def _extreme(evaluation: Evaluation, key: str, agent: str) -> str:
-    """Extreme over all winds and its difference to the baseline's."""
-    mine, base = (evaluation.overall_metrics(name) for name in (agent, evaluation.baseline))
-    if key not in mine:
-        return NONE
-    text = _value(evaluation, agent, key) + ("" if evaluation.survived(agent) else f" {BEYOND}")
-    if key not in base or not (evaluation.survived(agent) and evaluation.survived(evaluation.baseline)):
-        return text
-    kind, change = (show(key, mine[key], base[key]) for show in (difference_class, format_difference))
-    return tag(text, kind, change, "main")
+    drawn = "" if figure is None else page.figure_element("changes", figure)
+    question = f"Is {others[0] if len(others) == 1 else 'any of these'} better than {base}?"
+    content = page.legend(more=more) + page.table(head, rows, texts=(1,)) + drawn
+    return Section("verdict", question, content, link="Verdict")
 
 
 def _simulator(crosscheck: Mapping[str, Any]) -> str:
@@ -243,10 +183,7 @@ def _simulator(crosscheck: Mapping[str, Any]) -> str:
 
 
 def _elsewhere(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None, agent: str) -> dict[str, str] | None:
-    """Changes of an agent in the other simulator of a crosscheck, over its winds of the same mean speeds.
-
-    None where the crosscheck lacks the agent, has another baseline, or another wind.
-    """
+    """Changes of an agent in the other simulator, None where the crosscheck lacks the agent, baseline or wind."""
     if crosscheck is None or crosscheck["baseline"] != evaluation.baseline or len(evaluation.speeds) > 1:
         return None
     changes = {
@@ -258,7 +195,7 @@ def _elsewhere(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None, age
     for key in JUDGED:
         change = changes.get("mean_power" if key == "corrected_power" else key)
         if change is not None:
-            value = format_estimate(key, Estimate.from_json(change)).partition(" [")[0]
+            value = page.format_estimate(key, Estimate.from_json(change)).partition(" [")[0]
             cells[key] = f"<span class='diff'>{value}</span>"
     return cells or None
 
@@ -278,16 +215,16 @@ def _comparison(evaluation: Evaluation) -> Section:
     """Metrics of all agents over all winds, and at each wind speed."""
     parts = [_table(evaluation, None)]
     if len(evaluation.speeds) > 1:
-        parts = [details("All winds", parts[0], opened=True)]
-        parts += [details(f"{speed:g} m/s", _table(evaluation, speed)) for speed in evaluation.speeds]
-    marks = legend(CHANGES_LEGEND, ["\u2020 a run ended early, not compared", "extremes and events have no interval"])
+        parts = [page.details("All winds", parts[0], opened=True)]
+        parts += [page.details(f"{speed:g} m/s", _table(evaluation, speed)) for speed in evaluation.speeds]
+    marks = page.legend(more=["\u2020 a run ended early, not compared", "extremes and events have no interval"])
     caption = f"Every metric, and its change against {evaluation.baseline}."
     return Section("comparison", "All metrics", marks + "".join(parts), caption)
 
 
 def _table(evaluation: Evaluation, speed: float | None) -> str:
     """Metrics of all agents over all winds, or those of one speed."""
-    labels = agent_labels(evaluation.agents)
+    labels = page.agent_labels(evaluation.agents)
     rows = [Row("Winds survived", [_survival(evaluation, agent, speed) for agent in evaluation.agents])]
     measured = measured_metrics(run.metrics for run in evaluation.runs)
     for group, keys in _GROUPS.items():
@@ -295,29 +232,28 @@ def _table(evaluation: Evaluation, speed: float | None) -> str:
         rows += [Row(group)] if shown else []
         for key in shown:
             cells = [_cell(evaluation, key, agent, speed) for agent in evaluation.agents]
-            rows.append(Row(metric_label(key), cells))
-    return table(["Metric", *labels.values()], rows)
+            rows.append(Row(page.metric_label(key), cells))
+    return page.table(["Metric", *labels.values()], rows)
 
 
-def _survival(evaluation: Evaluation, agent: str, speed: float | None) -> str:
-    """Number of runs that lasted as long as planned."""
+def _survival(evaluation: Evaluation, agent: str, speed: float | None = None) -> str:
     runs = evaluation.runs_of(agent, speed)
     return f"{sum(run.complete for run in runs)} of {len(runs)}"
 
 
-def _cell(evaluation: Evaluation, key: str, agent: str, speed: float | None) -> str:
-    """One value of the table with its change against the baseline."""
+def _cell(evaluation: Evaluation, key: str, agent: str, speed: float | None = None, unit: bool = False) -> str:
+    """Value of a metric and its change against the baseline."""
     baseline = evaluation.baseline
     mine, base = evaluation.overall_metrics(agent, speed), evaluation.overall_metrics(baseline, speed)
     if key not in mine:
         return NONE
     whole = {name: evaluation.survived(name, speed) for name in (agent, baseline)}
-    text = format_value(key, mine[key]) + ("" if whole[agent] else f" {BEYOND}")
+    text = format_value(key, mine[key], unit) + ("" if whole[agent] else f" {BEYOND}")
     if agent != baseline and key in base and all(whole.values()):
         if METRICS[key].over_winds == "mean":
             text += change_tag(key, paired_change(evaluation, agent, key, speed))
         else:
-            text += difference_tag(key, mine[key], base[key])
+            text += page.difference_tag(key, mine[key], base[key])
     return text
 
 
@@ -326,7 +262,7 @@ def _lifetime(evaluation: Evaluation) -> Section:
     climate = evaluation.climate
     if climate is None or len(evaluation.speeds) < 2:
         return Section("lifetime", "", "")
-    labels = agent_labels(evaluation.agents)
+    labels = page.agent_labels(evaluation.agents)
     shares = ", ".join(
         f"{speed:g} m/s {100 * weight:.0f} %"
         for speed, weight in zip(evaluation.speeds, wind_weights(climate, evaluation.speeds), strict=True)
@@ -340,13 +276,13 @@ def _lifetime(evaluation: Evaluation) -> Section:
             if agent != evaluation.baseline and value is not None:
                 text += change_tag(key, lifetime_change(evaluation, agent, key))
             cells.append(text)
-        rows.append(Row(metric_label(key), cells))
+        rows.append(Row(page.metric_label(key), cells))
     caption = (
         f"Damage weighted by a Weibull distribution of the mean wind speed: {climate.mean_speed:g} m/s on average, "
         f"exponent {climate.shape:g}. Every wind between {climate.cut_in:g} and {climate.cut_out:g} m/s counts for the "
         f"nearest evaluated speed: {shares} of the operating time."
     )
-    content = legend() + table(["Load", *labels.values()], rows)
+    content = page.legend() + page.table(["Load", *labels.values()], rows)
     return Section("lifetime", "Fatigue over a life", content, caption, "Lifetime")
 
 
@@ -360,12 +296,12 @@ def _figures(evaluation: Evaluation) -> list[Section]:
             " of the flapwise DEL, both with 95 % intervals; the dashed line joins the agents that no other beats in"
             " both."
         )
-        content = figure_element("pareto-figure", front)
+        content = page.figure_element("pareto-figure", front)
         sections.append(Section("pareto", "Load against pitch travel", content, text, "Load and travel"))
     sections.append(replay_section(evaluation))
     for i, agents in enumerate(trainings(evaluation)):
         text = f"{', '.join(agents)}: episodes of the training, with exploration, in its own winds."
-        content = figure_element(f"training{i}-figure", learning_figure(evaluation, agents))
+        content = page.figure_element(f"training{i}-figure", learning_figure(evaluation, agents))
         sections.append(Section(f"training{i}", "Learning curve", content, text))
     text = (
         "All rows share one time axis: zoom into one and the others follow; double-click to return. Dashed lines are"
@@ -373,7 +309,7 @@ def _figures(evaluation: Evaluation) -> list[Section]:
         " shown; the files of the runs hold all."
     )
     series = "".join(
-        details(wind.label, figure_element(f"time{i}", time_series_figure(evaluation, wind)), opened=i == 0)
+        page.details(wind.label, page.figure_element(f"time{i}", time_series_figure(evaluation, wind)), opened=i == 0)
         for i, wind in enumerate(_shown_winds(evaluation))
     )
     sections.append(Section("time", "Time series", series, text))
@@ -382,7 +318,7 @@ def _figures(evaluation: Evaluation) -> list[Section]:
         "Power spectral density by Welch's method (60 s segments), mean over the winds that an agent completed. Dotted"
         " lines: once and three times the mean rotor frequency of the reference."
     )
-    spectra = figure_element("spectra-figure", spectra_figure(evaluation, skip))
+    spectra = page.figure_element("spectra-figure", spectra_figure(evaluation, skip))
     sections.append(Section("spectra", "Where the loads come from", spectra, text, "Spectra"))
     return sections
 
@@ -390,7 +326,7 @@ def _figures(evaluation: Evaluation) -> list[Section]:
 def _runs(evaluation: Evaluation, files: Sequence[str] | None) -> Section:
     """Every run, how it ended and where its signals are."""
     place = {(run.agent, run.wind): k for k, run in enumerate(evaluation.runs)}
-    labels = agent_labels(evaluation.agents)
+    labels = page.agent_labels(evaluation.agents)
 
     def cell(run: Run) -> str:
         text = "complete" if run.complete else f"{REASONS[run.ending]} after {run.duration:.0f} s"
@@ -402,15 +338,15 @@ def _runs(evaluation: Evaluation, files: Sequence[str] | None) -> Section:
         Row(escape(wind.label), [cell(evaluation.run(agent, wind)) for agent in evaluation.agents])
         for wind in evaluation.winds
     ]
-    content = table(["Wind", *labels.values()], rows)
-    if files is None:
-        return Section("runs", "Runs", content, "How each run ended.")
-    links = (
-        f"<p>Metrics of every run: <a href='{METRICS_FILE}'>{METRICS_FILE}</a>, with settings and trainings:"
-        f" <a href='{TABLE_FILE}'>{TABLE_FILE}</a>.</p>"
-    )
-    caption = "How each run ended, with a link to its signals (NetCDF, with units)."
-    return Section("runs", "Runs", content + links, caption)
+    content = page.table(["Wind", *labels.values()], rows)
+    caption = "How each run ended."
+    if files is not None:
+        caption = "How each run ended, with a link to its signals (NetCDF, with units)."
+        content += (
+            f"<p>Metrics of every run: <a href='{METRICS_FILE}'>{METRICS_FILE}</a>, with settings and trainings:"
+            f" <a href='{TABLE_FILE}'>{TABLE_FILE}</a>.</p>"
+        )
+    return Section("runs", "Runs", content, caption)
 
 
 def _shown_winds(evaluation: Evaluation) -> list[Wind]:
@@ -447,7 +383,7 @@ def _method(evaluation: Evaluation) -> str:
     ]
     if evaluation.training and unseen(evaluation):
         items.append("No training episode used the turbulence seeds of this evaluation.")
-    return html_list(items) + settings_element(evaluation.settings)
+    return page.html_list(items) + page.settings_element(evaluation.settings)
 
 
 # Almost a megabyte each: more agents would make the page heavy.
@@ -502,14 +438,7 @@ _CONTROLS = """<div class="replay">
 
 
 def encode(values: ArrayLike, bits: int = 16) -> dict[str, Any]:
-    """Array as integers in base64; NaN is kept.
-
-    Parameters
-    ----------
-    values : numpy.ndarray
-        Finite or NaN.
-    bits : {16, 8}
-        Of the integers.
+    """Array of numbers or NaN as integers of 16 or 8 bits in base64.
 
     Returns
     -------
@@ -532,8 +461,9 @@ def replay_section(evaluation: Evaluation) -> Section:
     if not runs:
         return Section("replay", "", "")
     opened = opening_agent(evaluation, [run.agent for run in runs])
-    kept = shown_agents(evaluation, [run.agent for run in runs], opened)
-    runs = [run for run in runs if run.agent in kept]
+    first = [opened, evaluation.baseline, *(run.agent for run in runs)]
+    offered = [agent for agent in dict.fromkeys(first) if any(run.agent == agent for run in runs)][:_MOST_AGENTS]
+    runs = [run for run in runs if run.agent in offered]
     replays = [run.replay for run in runs if run.replay is not None]
     blades, longest = replays[0].blades, max(replays, key=lambda replay: replay.time.size)
     data = {
@@ -560,19 +490,12 @@ def replay_section(evaluation: Evaluation) -> Section:
 
 def opening_agent(evaluation: Evaluation, agents: Sequence[str]) -> str:
     """Agent that the replay opens on: of those with one the trained one with the lowest flap DEL, else the last."""
-    trained = [agent for agent in agents if agent in evaluation.training]
-    loads = {}
-    for agent in trained:
+
+    def load(agent: str) -> float:
         changes = [paired_change(evaluation, agent, "blade_flap_del", speed) for speed in evaluation.speeds]
-        known = [change.value for change in changes if change is not None]
-        loads[agent] = sum(known) / len(known) if known else 0.0
-    return min(trained, key=lambda agent: loads[agent]) if trained else agents[-1]
+        return float(np.mean([change.value for change in changes if change is not None] or [0.0]))
 
-
-def shown_agents(evaluation: Evaluation, agents: Sequence[str], opened: str) -> set[str]:
-    """Agents that the replay offers: the one that it opens on, the baseline, and the first others."""
-    first = [agent for agent in (opened, evaluation.baseline) if agent in agents]
-    return set(list(dict.fromkeys([*first, *agents]))[:_MOST_AGENTS])
+    return min((agent for agent in agents if agent in evaluation.training), key=load, default=agents[-1])
 
 
 def _agent(run: Run, replay: Replay) -> dict[str, Any]:

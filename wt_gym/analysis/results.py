@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from wt_gym.analysis.statistics import WindClimate
 from wt_gym.base.files import write_netcdf_whole, write_text_whole, write_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -29,17 +29,9 @@ _MOST_ROWS, _MOST_FILAMENTS = 64, 5
 
 
 def trailing_strength(circulation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Circulation of the trailing filaments between rings side by side.
+    """Circulation of the trailing filaments between rings side by side: size of the difference across each [m^2/s].
 
-    Parameters
-    ----------
-    circulation : numpy.ndarray, shape (n_rows, n_blades, n_span)
-        Of the wake's rings [m^2/s].
-
-    Returns
-    -------
-    numpy.ndarray, shape (n_rows, n_blades, n_span + 1)
-        Magnitude of the difference across each filament [m^2/s].
+    From the rings' circulation (n_rows, n_blades, n_span) [m^2/s] to shape (n_rows, n_blades, n_span + 1).
     """
     padded = np.pad(np.asarray(circulation, dtype=np.float64), ((0, 0), (0, 0), (1, 1)))
     return np.abs(np.diff(padded, axis=2))
@@ -47,31 +39,23 @@ def trailing_strength(circulation: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Replay:
-    """Shapes over time, global frame, meters.
-
-    Attributes
-    ----------
-    time : numpy.ndarray, shape (n,)
-        [s]
-    blades : numpy.ndarray, shape (n, n_blades, 2, n_span + 1, 3)
-        Leading and trailing edges.
-    wake : numpy.ndarray, shape (n, n_rows, n_blades, n_filaments, 3)
-        Nodes of trailing filaments, the newest row first; NaN where the wake is shorter.
-    strength : numpy.ndarray, shape (n, n_rows, n_blades, n_filaments)
-        Size of the filaments' circulation [m^2/s].
-    tower : numpy.ndarray, shape (n, n_tower, 3)
-        Axis, from the ground up.
-    tower_radius : numpy.ndarray, shape (n_tower,)
-    hub : numpy.ndarray, shape (n, 3)
-    """
+    """Shapes over time, global frame, meters."""
 
     time: NDArray[np.float64]
+    """[s]. Shape (n,)."""
     blades: NDArray[np.float64]
+    """Leading and trailing edges. Shape (n, n_blades, 2, n_span + 1, 3)."""
     wake: NDArray[np.float64]
+    """Nodes of trailing filaments, the newest row first; NaN where the wake is shorter.
+    Shape (n, n_rows, n_blades, n_filaments, 3)."""
     strength: NDArray[np.float64]
+    """Size of the filaments' circulation [m^2/s]. Shape (n, n_rows, n_blades, n_filaments)."""
     tower: NDArray[np.float64]
+    """Axis, from the ground up. Shape (n, n_tower, 3)."""
     tower_radius: NDArray[np.float64]
+    """Shape (n_tower,)."""
     hub: NDArray[np.float64]
+    """Shape (n, 3)."""
 
     def save(self, path: Path) -> None:
         """Write a compressed NumPy archive, which is there when it is whole."""
@@ -101,11 +85,11 @@ class ReplayRecorder:
             return None
         times, shapes = zip(*self._frames, strict=True)
         n_rows = max(len(shape["wake"]) for shape in shapes)
-        stacked = {
-            name: np.stack([_padded(shape[name], n_rows) if name in ("wake", "strength") else shape[name]
-                            for shape in shapes])
-            for name in ("blades", "wake", "strength", "tower", "hub")
-        }  # fmt: skip
+        for shape in shapes:  # rows of NaN behind a short wake
+            for name in ("wake", "strength"):
+                missing = [(0, n_rows - len(shape[name]))] + [(0, 0)] * (shape[name].ndim - 1)
+                shape[name] = np.pad(shape[name], missing, constant_values=np.nan)
+        stacked = {name: np.stack([shape[name] for shape in shapes]) for name in shapes[0] if name != "tower_radius"}
         return Replay(time=np.array(times), tower_radius=shapes[0]["tower_radius"], **stacked)
 
 
@@ -137,36 +121,22 @@ def kept_filaments(n_filaments: int) -> NDArray[np.int_]:
     return np.unique(places.round().astype(int))
 
 
-def _padded(values: NDArray[np.float32], n_rows: int) -> NDArray[np.float32]:
-    """Array with rows of NaN behind it."""
-    missing = np.full((n_rows - len(values), *values.shape[1:]), np.nan, dtype=values.dtype)
-    return np.concatenate([values, missing])
-
-
 TABLE_FILE, METRICS_FILE, RUNS_FOLDER = "evaluation.json", "metrics.csv", "runs"
 _COMBINE: dict[str, Callable[..., Any]] = {"mean": np.mean, "max": np.max, "min": np.min, "sum": np.sum}
 
 
 @dataclass(frozen=True)
 class Wind:
-    """A wind to evaluate in, or one that a run had.
-
-    Attributes
-    ----------
-    speed : float
-        Mean at hub height [m/s].
-    seed : int or None
-        Of the turbulence; None without.
-    draw : int or None
-        Number of the draw where more is drawn than turbulence: gusts, custom inflows, directions.
-    description : str
-        The wind of a run in words, where speed and seed do not tell what it was.
-    """
+    """A wind to evaluate in, or one that a run had."""
 
     speed: float
+    """Mean at hub height [m/s]."""
     seed: int | None = None
+    """Of the turbulence; None without."""
     draw: int | None = None
+    """Number of the draw where more is drawn than turbulence: gusts, custom inflows, directions."""
     description: str = ""
+    """The wind of a run in words, where speed and seed do not tell what it was."""
 
     @property
     def name(self) -> str:
@@ -183,41 +153,28 @@ class Wind:
 
 @dataclass(frozen=True)
 class Run:
-    """One agent in one wind.
-
-    Attributes
-    ----------
-    wind : Wind
-        That it had, whatever was asked for.
-    data : xarray.Dataset
-        Recorded signals over ``time`` [s].
-    metrics : dict
-        Keys of `wt_gym.analysis.metrics.METRICS`, SI units; empty if the run was too short to measure.
-    episode_return : float
-        Sum of rewards.
-    reward_terms : dict
-        Sum of each term.
-    planned_duration, duration : float
-        Asked for and simulated [s].
-    ending : str
-        ``"time"``, or why the run was terminated.
-    failure : str or None
-        Message of a failed simulation.
-    replay : Replay or None
-        Shapes of its last seconds, if they were kept.
-    """
+    """One agent in one wind."""
 
     agent: str
     wind: Wind
+    """Of the run, whatever the request was."""
     data: xr.Dataset
+    """Recorded signals over ``time`` [s]."""
     metrics: dict[str, float]
+    """Keys of `wt_gym.analysis.metrics.METRICS`, SI units; empty if the run was too short to measure."""
     episode_return: float
+    """Sum of rewards."""
     reward_terms: dict[str, float]
+    """Sum of each term."""
     planned_duration: float
     duration: float
+    """planned_duration, duration: requested and simulated [s]."""
     ending: str
+    """``"time"``, or why the run was terminated."""
     failure: str | None = None
+    """Message of a failed simulation."""
     replay: Replay | None = None
+    """Shapes of its last seconds, if they were stored."""
 
     @property
     def complete(self) -> bool:
@@ -267,33 +224,22 @@ def run_files(folder: str | Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Runs of several agents in the same winds.
-
-    Attributes
-    ----------
-    settings : dict
-        What the evaluation was made with (environment id and arguments, skipped start, versions), JSON values.
-    baseline : str
-        Agent that the others are compared with.
-    limits : dict
-        Rated power [W], rated rotor speed [rad/s] and the like, for reference lines in plots.
-    training : dict
-        Agent name to how it was trained (see `wt_gym.learning.train`), for agents that were.
-    climate : WindClimate or None
-        How often each wind speed blows, for loads over a life.
-    notes : dict
-        Agent name to a sentence that its figures are to be read with: it has met these winds in its training, or
-        nothing is known of that.
-    """
+    """Runs of several agents in the same winds."""
 
     turbine: str
     settings: dict[str, Any]
+    """Environment id and arguments, skipped start, versions, as JSON values."""
     runs: list[Run]
     baseline: str
+    """Agent that the others are compared with."""
     limits: dict[str, float] = field(default_factory=dict)
+    """Rated power [W], rated rotor speed [rad/s] and the like, for reference lines in plots."""
     training: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """Agent name to the record of its training (see `wt_gym.learning.train`), for trained agents."""
     climate: WindClimate | None = None
+    """How often each wind speed blows, for loads over a life."""
     notes: dict[str, str] = field(default_factory=dict)
+    """Agent name to a sentence on its figures: it has met these winds in its training, or that is unknown."""
 
     @property
     def agents(self) -> list[str]:
@@ -318,10 +264,11 @@ class Evaluation:
 
     def run(self, agent: str, wind: Wind) -> Run:
         """Run of an agent in a wind; `KeyError` without."""
-        for run in self.runs:
-            if run.agent == agent and run.wind == wind:
-                return run
-        raise KeyError(f"no run of agent {agent!r} in wind {wind.label}")
+        return self._run_at[agent, wind]
+
+    @cached_property
+    def _run_at(self) -> dict[tuple[str, Wind], Run]:
+        return {(run.agent, run.wind): run for run in self.runs}
 
     def runs_of(self, agent: str, speed: float | None = None) -> list[Run]:
         """Runs of an agent, in the order of `winds`, at one mean speed [m/s] or all."""
@@ -333,14 +280,14 @@ class Evaluation:
 
     def mean_metrics(self, agent: str) -> dict[str, float]:
         """Mean of each metric over the winds, of those metrics that every run of the agent has."""
-        return {key: float(np.mean(values)) for key, values in self._shared_metrics(agent).items()}
+        return {key: float(np.mean(values)) for key, values in self._shared_metrics(agent, None).items()}
 
     def overall_metrics(self, agent: str, speed: float | None = None) -> dict[str, float]:
         """Each metric over the winds, of one mean speed or all: means, extremes of the extremes, sums of events."""
         values = self._shared_metrics(agent, speed)
         return {key: float(_COMBINE[METRICS[key].over_winds](values[key])) for key in values}
 
-    def _shared_metrics(self, agent: str, speed: float | None = None) -> dict[str, list[float]]:
+    def _shared_metrics(self, agent: str, speed: float | None) -> dict[str, list[float]]:
         """Values of those metrics that every run of an agent has."""
         tables = [run.metrics for run in self.runs_of(agent, speed)]
         return {key: [table[key] for table in tables] for key in tables[0] if all(key in table for table in tables)}
@@ -353,13 +300,10 @@ class Evaluation:
         return {agent: sentence for agent, sentence in sentences.items() if sentence is not None}
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Table with a row a run: agent, wind, ending, return, and the metrics, which are missing where not measured.
+        """Table with a row a run.
 
-        Returns
-        -------
-        pandas.DataFrame
-            Columns ``agent``, ``wind_speed`` [m/s], ``wind_seed``, ``wind``, ``ending``, ``duration`` [s],
-            ``episode_return`` and one for each of `wt_gym.analysis.metrics.METRICS`, in SI units.
+        Columns ``agent``, ``wind_speed`` [m/s], ``wind_seed``, ``wind``, ``ending``, ``duration`` [s],
+        ``episode_return`` and one for each of `wt_gym.analysis.metrics.METRICS`, in SI units, NaN where not measured.
         """
         measured = measured_metrics(run.metrics for run in self.runs)
         rows = [
@@ -374,14 +318,8 @@ class Evaluation:
 
     def to_json(self) -> dict[str, Any]:
         """Everything but signals and shapes, as JSON values."""
-        return {
-            "turbine": self.turbine,
-            "settings": self.settings,
-            "baseline": self.baseline,
-            "limits": self.limits,
-            "training": self.training,
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {
             "climate": None if self.climate is None else asdict(self.climate),
-            "notes": self.notes,
             "mean": {agent: self.mean_metrics(agent) for agent in self.agents},
             "runs": [run.to_json() for run in self.runs],
         }

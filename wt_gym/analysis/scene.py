@@ -37,20 +37,10 @@ _NARROWEST, _WIDEST = 0.35, 1.9
 
 
 def smooth_curves(nodes: NDArray[np.float64], pieces: int = _PIECES) -> NDArray[np.float64]:
-    """Curves through the nodes of filaments: cubic splines over the length of the outermost filaments.
+    """Curves (pieces n_rows + 1, n_blades, n_span + 1, 3) through the nodes (n_rows + 1, …) of filaments.
 
-    Rows of an old wake are farther apart than new ones; the length, which all filaments share, takes account of it.
-
-    Parameters
-    ----------
-    nodes : numpy.ndarray, shape (n_rows + 1, n_blades, n_span + 1, 3)
-    pieces : int
-        Points of the curve for each segment.
-
-    Returns
-    -------
-    numpy.ndarray, shape (pieces n_rows + 1, n_blades, n_span + 1, 3)
-        Each ``pieces``-th point is a node.
+    They are cubic splines over the length of the outermost filaments, which all share: rows of an old wake are farther
+    apart than new ones. Each ``pieces``-th point is a node.
     """
     nodes = np.asarray(nodes, dtype=np.float64)
     n_rows = len(nodes) - 1
@@ -59,8 +49,7 @@ def smooth_curves(nodes: NDArray[np.float64], pieces: int = _PIECES) -> NDArray[
     lengths = np.linalg.norm(np.diff(nodes[:, :, -1], axis=0), axis=-1).mean(axis=1)
     at = np.concatenate([[0.0], np.cumsum(np.maximum(lengths, 1e-9))])
     fine = np.interp(np.arange(pieces * n_rows + 1) / pieces, np.arange(n_rows + 1), at)
-    curves: NDArray[np.float64] = CubicSpline(at, nodes)(fine)
-    return curves
+    return np.asarray(CubicSpline(at, nodes)(fine))
 
 
 def filament_weights(
@@ -90,35 +79,22 @@ def filament_weights(
     share = np.clip(strength / max(float(np.quantile(outer, 0.98)), 1e-9), 0.0, 1.0)
     age = np.linspace(0.0, 1.0, len(strength))[:, None, None]
     fade = np.clip((1.0 - age) / _FADE, 0.0, 1.0)
-    weights: NDArray[np.float64] = share * (_ROOT_WEIGHT + (1.0 - _ROOT_WEIGHT) * place) * fade
-    return weights
+    return np.asarray(share * (_ROOT_WEIGHT + (1.0 - _ROOT_WEIGHT) * place) * fade)
 
 
 def line_look(weights: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Widths [points] and opacities (0 to 1) of filaments by their weights; both rise with the weight.
-
-    Parameters
-    ----------
-    weights : numpy.ndarray, shape (n,)
-        0 to 1.
-    """
+    """Widths [points] and opacities (0 to 1) of filaments by their weights (0 to 1); both rise with the weight."""
     return _NARROWEST + (_WIDEST - _NARROWEST) * weights, np.clip(0.12 + 0.88 * weights, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Parallel projection.
-
-    Attributes
-    ----------
-    turn : float
-        Angle about the vertical between the line of sight and the wind: 0 looks downwind, π/2 from the right [rad].
-    rise : float
-        Angle above the horizon [rad].
-    """
+    """Parallel projection."""
 
     turn: float = np.radians(60.0)
+    """Angle about the vertical between the line of sight and the wind: 0 looks downwind, π/2 from the right [rad]."""
     rise: float = np.radians(7.0)
+    """Angle above the horizon [rad]."""
 
     def project(self, points: Any) -> NDArray[np.float64]:
         """Points (..., 3) on the picture (..., 2) [m]."""
@@ -289,17 +265,9 @@ class Scene:
 
 
 def cut_at_sea_level(column: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Parts of a column (n, 4) that ascends, below and above sea level.
+    """Parts below and above sea level of a column (n, 4) that ascends: points of its axis [m] and its radii there [m].
 
-    Parameters
-    ----------
-    column : numpy.ndarray, shape (n, 4)
-        Points of its axis [m] and its radii there [m].
-
-    Returns
-    -------
-    below, above : numpy.ndarray, shape (m, 4)
-        They share the section at sea level; nothing is below where the column begins on the ground.
+    They share the section at sea level; nothing is below where the column begins on the ground.
     """
     n = int(np.searchsorted(column[:, 2], 0.0))
     if n == 0:

@@ -34,34 +34,15 @@ N_RESAMPLES = 10_000
 
 
 def interquartile_mean(values: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
-    """Mean of the middle half: a quarter of the values, rounded down, is left out at either end.
-
-    Parameters
-    ----------
-    values : numpy.ndarray
-    axis : int
-        Is gone in the result.
-    """
+    """Mean of the middle half: a quarter of the values, rounded down, is left out at either end."""
     values = np.sort(np.moveaxis(np.asarray(values, dtype=np.float64), axis, -1), axis=-1)
     cut = values.shape[-1] // 4
-    out: NDArray[np.float64] = values[..., cut : values.shape[-1] - cut].mean(axis=-1)
-    return out
+    return np.asarray(values[..., cut : values.shape[-1] - cut].mean(axis=-1))
 
 
 @lru_cache(maxsize=64)
 def stratified_resamples(strata: Sequence[float], n_resamples: int = N_RESAMPLES, seed: int = 0) -> NDArray[np.intp]:
-    """Indices of resamples, drawn with replacement within each stratum.
-
-    Parameters
-    ----------
-    strata : tuple of float
-        What each value belongs to, its wind speed.
-
-    Returns
-    -------
-    numpy.ndarray of int, shape (n_resamples, n)
-        Column k holds indices of the stratum of value k.
-    """
+    """Indices (n_resamples, n) drawn with replacement: column k holds those of the stratum, the speed, of value k."""
     rng, labels = np.random.default_rng(seed), np.asarray(strata)
     indices = np.empty((n_resamples, labels.size), dtype=np.intp)
     for label in np.unique(labels):
@@ -124,26 +105,16 @@ LEAST_SHARE = 1e-3
 class WindClimate:
     """Weibull distribution of the ten-minute mean wind speed at hub height, and the speeds of operation.
 
-    Attributes
-    ----------
-    mean_speed : float
-        Annual mean [m/s]; IEC 61400-1 sets it to 0.2 times the reference speed of the class.
-    shape : float
-        Weibull exponent k [-]; 2 is the Rayleigh distribution of the standard.
-    cut_in, cut_out : float
-        Between these the turbine operates [m/s].
-
-    Raises
-    ------
-    ValueError
-        If mean or exponent is not positive and finite, the exponent is none of `SHAPES`, cut-out does not exceed
-        cut-in, or the wind lies between them for less than a share of `LEAST_SHARE` of the time.
+    Raises a `ValueError` also where the wind is one of operation for less than a share of `LEAST_SHARE` of the time.
     """
 
     mean_speed: float
+    """Annual mean [m/s]; IEC 61400-1 sets it to 0.2 times the reference speed of the class."""
     shape: float = 2.0
+    """Weibull exponent k [-], within `SHAPES`; 2 is the Rayleigh distribution of the standard."""
     cut_in: float = 3.0
     cut_out: float = 25.0
+    """cut_in, cut_out: between these the turbine operates [m/s]."""
 
     def __post_init__(self) -> None:
         for name in ("mean_speed", "shape"):
@@ -180,26 +151,10 @@ class WindClimate:
 
 
 def wind_weights(climate: WindClimate, speeds: Sequence[float]) -> NDArray[np.float64]:
-    """Share of the operating time that each of some wind speeds stands for.
+    """Share of the operating time that each of some wind speeds stands for, shape (n_speeds,); their sum is 1.
 
     Every wind between cut-in and cut-out counts for the nearest of the speeds: bins end half-way between neighbors,
-    the outermost at cut-in and cut-out.
-
-    Parameters
-    ----------
-    climate : WindClimate
-    speeds : sequence of float
-        Ascending, each within cut-in and cut-out [m/s].
-
-    Returns
-    -------
-    numpy.ndarray, shape (n_speeds,)
-        Their sum is 1.
-
-    Raises
-    ------
-    ValueError
-        If the speeds do not ascend or lie outside.
+    the outermost at cut-in and cut-out. Speeds [m/s] must ascend within cut-in and cut-out.
     """
     values = np.asarray(speeds, dtype=np.float64)
     if values.size == 0 or np.any(np.diff(values) <= 0.0) or values[0] < climate.cut_in or values[-1] > climate.cut_out:
@@ -209,33 +164,20 @@ def wind_weights(climate: WindClimate, speeds: Sequence[float]) -> NDArray[np.fl
         )
     edges = np.concatenate([[climate.cut_in], 0.5 * (values[1:] + values[:-1]), [climate.cut_out]])
     shares = np.diff([climate.share_below(edge) for edge in edges])
-    out: NDArray[np.float64] = shares / shares.sum()
-    return out
+    return np.asarray(shares / shares.sum())
 
 
 def lifetime_load(loads: NDArray[np.float64], weights: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
     """Load at 1 Hz throughout that does the damage of all loads in their shares of the time: (Σ w L^m)^(1/m).
 
-    Parameters
-    ----------
-    loads : numpy.ndarray, shape (..., n)
-        Damage-equivalent loads, not negative.
-    weights : numpy.ndarray, shape (n,)
-        Shares of the time; their sum is 1.
-    exponent : float
-        Woehler exponent m [-].
-
-    Returns
-    -------
-    numpy.ndarray, shape (...)
-        In the unit of the loads.
+    Of damage-equivalent loads (..., n), not negative, their shares of the time (n,), whose sum is 1, and the Woehler
+    exponent m [-]; shape (...).
     """
     loads = np.asarray(loads, dtype=np.float64)
     largest = loads.max(axis=-1, keepdims=True)
     # relative to the largest: 1e7 to the tenth power would waste the digits of a float
     relative = np.divide(loads, largest, out=np.zeros_like(loads), where=largest > 0.0)
-    out: NDArray[np.float64] = largest[..., 0] * np.sum(weights * relative**exponent, axis=-1) ** (1.0 / exponent)
-    return out
+    return np.asarray(largest[..., 0] * np.sum(weights * relative**exponent, axis=-1) ** (1.0 / exponent))
 
 
 # ---- changes against the baseline ----
@@ -256,41 +198,21 @@ def is_relative(key: str | Metric, reference: ArrayLike) -> bool:
 
 
 def relative_change(value: ArrayLike, reference: ArrayLike) -> Any:
-    """Difference over the size of the reference [-]; more is more where the reference is negative, too.
+    """Difference over the size of the reference [-], arrays or numbers; positive where the value is the larger.
 
-    Parameters
-    ----------
-    value, reference : array_like
-        Of one shape, or one of them a number.
-
-    Returns
-    -------
-    numpy.ndarray or float
-        NaN where the reference is zero, unless the value is zero as well: nothing has changed then.
+    NaN where the reference is zero, unless the value is zero as well: nothing has changed then.
     """
     difference = np.subtract(value, reference, dtype=float)
-    size = np.abs(np.broadcast_to(np.asarray(reference, dtype=float), difference.shape))
-    share = np.full(difference.shape, np.nan)
+    size = np.broadcast_to(np.abs(np.asarray(reference, dtype=float)), difference.shape)
+    share = np.where(difference == 0.0, 0.0, np.nan)
     np.divide(difference, size, out=share, where=size > 0.0)
-    share = np.where(difference == 0.0, 0.0, share)
     return share if share.ndim else float(share)
 
 
 def difference(key: str | Metric, value: ArrayLike, reference: ArrayLike) -> tuple[Any, bool]:
-    """Change of a metric against references, value by value, and whether it is a share of these (`is_relative`).
+    """Change of a metric against references [SI], value by value; True where it is a share of these (`is_relative`).
 
-    Parameters
-    ----------
-    key : str or Metric
-        Of `wt_gym.analysis.metrics.METRICS`.
-    value, reference : array_like
-        SI unit, of one shape.
-
-    Returns
-    -------
-    difference : numpy.ndarray or float
-        Share of the reference, or in the unit shown.
-    relative : bool
+    Otherwise it is in the unit shown.
     """
     if is_relative(key, reference):
         return relative_change(value, reference), True
@@ -299,20 +221,14 @@ def difference(key: str | Metric, value: ArrayLike, reference: ArrayLike) -> tup
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number and its 95 % interval.
-
-    Attributes
-    ----------
-    low, high : float
-        NaN where there are too few winds for an interval.
-    relative : bool
-        Whether it is a share of the baseline's value; else it is in the unit shown for the metric.
-    """
+    """A number and its 95 % interval."""
 
     value: float
     low: float
     high: float
+    """low, high: NaN where there are too few winds for an interval."""
     relative: bool
+    """Share of the baseline's value; else it is in the unit shown for the metric."""
     n_winds: int
 
     @property
@@ -360,8 +276,6 @@ def change_in_winds(key: str | Metric, values: ArrayLike, baseline: ArrayLike, s
 
     Parameters
     ----------
-    key : str or Metric
-        Of `wt_gym.analysis.metrics.METRICS`.
     values, baseline : array_like, shape (n_winds,)
         SI unit, at least one.
     speeds : sequence of float, length n_winds
@@ -370,17 +284,27 @@ def change_in_winds(key: str | Metric, values: ArrayLike, baseline: ArrayLike, s
     mine, base = np.asarray(values, dtype=float), np.asarray(baseline, dtype=float)
     changes, relative = difference(key, mine, base)
     if key not in _ADD_UP:
-        return _estimate(speeds, lambda k: interquartile_mean(changes[k]), relative)
+        return estimate(speeds, lambda k: interquartile_mean(changes[k]), relative)
     if not relative:
-        return _estimate(speeds, lambda k: changes[k].mean(axis=-1), relative)
-    return _estimate(speeds, lambda k: relative_change(mine[k].sum(axis=-1), base[k].sum(axis=-1)), relative)
+        return estimate(speeds, lambda k: changes[k].mean(axis=-1), relative)
+    return estimate(speeds, lambda k: relative_change(mine[k].sum(axis=-1), base[k].sum(axis=-1)), relative)
 
 
-def _estimate(strata: Sequence[float], statistic: Callable[[NDArray[np.intp]], ArrayLike], relative: bool) -> Estimate:
-    """Statistic of all winds, and its interval where every wind speed has winds enough."""
+def estimate(
+    strata: Sequence[float], statistic: Callable[[NDArray[np.intp]], ArrayLike], relative: bool,
+    least: int = LEAST_PER_STRATUM,
+) -> Estimate:  # fmt: skip
+    """Statistic of all winds, and its `bootstrap_interval` where every stratum has the least number of winds.
+
+    Parameters
+    ----------
+    strata : sequence of float, length n_winds
+    statistic : callable
+        From indices of winds, shape (..., n_winds), to the statistic of each row, shape (...).
+    """
     value = float(np.asarray(statistic(np.arange(len(strata)))))
     low = high = math.nan
-    if min(Counter(strata).values()) >= LEAST_PER_STRATUM:
+    if min(Counter(strata).values()) >= least:
         low, high = bootstrap_interval(statistic, strata)
     return Estimate(value, low, high, relative, len(strata))
 
@@ -415,7 +339,7 @@ def level_of(evaluation: Evaluation, agent: str, key: str, speed: float | None =
     if values is None:
         return None
     shown = values * metric_of(key).factor
-    return _estimate([wind.speed for wind in winds], lambda k: shown[k].mean(axis=-1), False)
+    return estimate([wind.speed for wind in winds], lambda k: shown[k].mean(axis=-1), False)
 
 
 def lifetime(evaluation: Evaluation, agent: str, key: str) -> float | None:
@@ -439,7 +363,7 @@ def lifetime_change(evaluation: Evaluation, agent: str, key: str) -> Estimate | 
         loads = (lifetime_load(each[k], weights, exponent) for each in (mine, base))
         return np.asarray(relative_change(*loads))
 
-    return _estimate([wind.speed for wind in evaluation.winds], ratio, True)
+    return estimate([wind.speed for wind in evaluation.winds], ratio, True)
 
 
 def _lifetime_inputs(

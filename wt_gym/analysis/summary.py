@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
-from wt_gym.analysis.metrics import METRICS, measured_metrics
+from wt_gym.analysis.metrics import COLUMN_HEADS, METRICS, measured_metrics
 from wt_gym.analysis.page import NONE, Row, format_estimate, format_value, markdown
 from wt_gym.analysis.statistics import (
     LEAST_PER_STRATUM,
@@ -33,27 +33,6 @@ _FATIGUE = {
     "tower_fore_aft_del": "fore-aft tower fatigue",
     "tower_side_side_del": "side-side tower fatigue",
 }
-_TABLE = {
-    "corrected_power": "power",
-    "blade_flap_del": "flap DEL",
-    "blade_edge_del": "edge DEL",
-    "tower_fore_aft_del": "tower f-a DEL",
-    "tower_side_side_del": "tower s-s DEL",
-    "pitch_duty_cycle": "duty",
-    "pitch_travel": "pitch travel",
-    "rotor_speed_max": "speed max",
-    "tip_clearance_min": "clearance min",
-    "overspeed_count": "overspeeds",
-}
-_MORE = {
-    "limits_violated": "beyond a limit",
-    "tracking_rms": "error rms",
-    "tracking_mean": "error mean",
-    "tracking_rms_share": "error rms/rated",
-    "saturated_share": "saturated",
-    "demanded_energy": "energy/demanded",
-}
-"""Further columns of runs with limits of costs or a power reference."""
 # More lost power than this does not count as a trade for lower loads.
 _TRADED_POWER = 0.05
 _MANY_WINDS = 6
@@ -96,30 +75,26 @@ def result_sentence(evaluation: Evaluation) -> str:
         more = f"; runs of {' and '.join(lost)} ended early" if 0 < len(lost) <= _MOST_NAMED else ""
         return f"No agent is better than {evaluation.baseline} {winds}{more}."
     (agent,) = others
-    match verdicts[agent].kind:
-        case "lost":
-            return f"Runs of {agent} or {evaluation.baseline} ended early {winds}: nothing to compare."
-        case "equal":
-            return f"{agent} and {evaluation.baseline} do equally well {winds}."
-        case "open":
-            return f"No difference is seen between {agent} and {evaluation.baseline} {winds}."
-        case _:
-            changes = _changes(evaluation, agent, verdicts[agent])
-            return f"{agent} is not better than {evaluation.baseline}: it {changes} {winds}."
+    if verdicts[agent].kind == "worse":
+        changes = _changes(evaluation, agent, verdicts[agent])
+        return f"{agent} is not better than {evaluation.baseline}: it {changes} {winds}."
+    return {
+        "lost": f"Runs of {agent} or {evaluation.baseline} ended early {winds}: nothing to compare.",
+        "equal": f"{agent} and {evaluation.baseline} do equally well {winds}.",
+        "open": f"No difference is seen between {agent} and {evaluation.baseline} {winds}.",
+    }[verdicts[agent].kind]
 
 
 def _rank(evaluation: Evaluation, agent: str) -> float:
     """Mean change of the loads less that of power; least is best."""
-    loads = [change.value for key in _FATIGUE if (change := paired_change(evaluation, agent, key)) and change.relative]
-    power = paired_change(evaluation, agent, "corrected_power")
-    gained = power.value if power is not None and power.relative else 0.0
-    return (sum(loads) / len(loads) if loads else 0.0) - gained
+    changes = {key: change.value for key, change in _compared(evaluation, agent).items() if change.relative}
+    loads = [changes[key] for key in _FATIGUE if key in changes]
+    return (sum(loads) / len(loads) if loads else 0.0) - changes.get("corrected_power", 0.0)
 
 
 def _changes(evaluation: Evaluation, agent: str, result: Verdict) -> str:
     """Loads that an agent lowers and raises beyond chance, in words, with power and pitch travel."""
-    # every metric of JUDGED can be compared where there is a verdict
-    change = {key: cast("Estimate", paired_change(evaluation, agent, key)) for key in JUDGED}
+    change = _compared(evaluation, agent)
 
     def listed(keys: list[str]) -> str:
         return _and([f"{_FATIGUE[key]} by {_size(key, change[key])}" for key in keys])
@@ -142,6 +117,11 @@ def _changes(evaluation: Evaluation, agent: str, result: Verdict) -> str:
     if not verbs:
         verbs = ["needs " + with_.pop().removeprefix("with ")]
     return " ".join([_and(verbs), *([_and(with_)] if with_ else [])])
+
+
+def _compared(evaluation: Evaluation, agent: str) -> dict[str, Estimate]:
+    """Changes of an agent with a verdict: every metric of `JUDGED` can be compared."""
+    return {key: cast("Estimate", paired_change(evaluation, agent, key)) for key in JUDGED}
 
 
 def _size(key: str, change: Estimate) -> str:
@@ -168,17 +148,10 @@ def unseen(evaluation: Evaluation) -> bool:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Judgment of an agent against the baseline.
+    """Judgment of an agent against the baseline; gains and costs are the keys of `JUDGED` that are better and worse.
 
-    Attributes
-    ----------
-    kind : str
-        ``"better"``, ``"worse"``, ``"trade"``, ``"equal"`` (every change is shown to be below 1 %), ``"open"`` (no
-        difference is seen, and none excluded) or ``"lost"`` (a run ended early).
-    word : str
-        The same for people.
-    gains, costs : tuple of str
-        Keys of `JUDGED` that are better and worse.
+    The kind is ``"better"``, ``"worse"``, ``"trade"``, ``"equal"`` (every change is shown to be below 1 %), ``"open"``
+    (no difference is seen, and none excluded) or ``"lost"`` (a run ended early), in words for people.
     """
 
     kind: str
@@ -295,7 +268,7 @@ def _training_sentence(evaluation: Evaluation, agent: str) -> str:
 
 
 def _survival(evaluation: Evaluation, agent: str) -> str:
-    """Sentence on the ends of an agent's runs, where that was not said of all."""
+    """Sentence on the ends of an agent's runs, unless the common one says it."""
     runs, common = evaluation.runs_of(agent), _common_ends(evaluation)
     stopped = [run for run in runs if not run.complete and run.wind not in common]
     if not stopped:
@@ -322,32 +295,26 @@ REASONS = {
 def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
     """Power, loads and actuator use against the baseline, and what they come to."""
     mine, base = evaluation.mean_metrics(agent), evaluation.mean_metrics(evaluation.baseline)
-    # all winds can be compared
-    change = {key: format_estimate(key, cast("Estimate", paired_change(evaluation, agent, key))) for key in JUDGED}
+    change = {key: format_estimate(key, estimate) for key, estimate in _compared(evaluation, agent).items()}
     loads = ", ".join(f"{JUDGED[key]} {change[key]}" for key in _FATIGUE)
     sentences = [
         f"{agent} made {_shown('corrected_power', mine)} ({change['corrected_power']} against {evaluation.baseline}).",
         f"Damage-equivalent loads: {loads}.",
         f"Its pitch duty cycle is {_shown('pitch_duty_cycle', mine)} against {_shown('pitch_duty_cycle', base)}.",
     ]
-    if mine["overspeed_count"] > base["overspeed_count"] == 0.0:
-        sentences.append("It ran into overspeed (above 110 % of rated), the baseline did not.")
-    elif mine["overspeed_count"] > base["overspeed_count"]:
-        sentences.append("It ran into overspeed (above 110 % of rated) more often.")
+    if mine["overspeed_count"] > base["overspeed_count"]:
+        more = " more often" if base["overspeed_count"] else ", the baseline did not"
+        sentences.append(f"It ran into overspeed (above 110 % of rated){more}.")
     result = verdict(evaluation, agent)
     gains, costs = (", ".join(JUDGED[key] for key in keys) for keys in (result.gains, result.costs))
-    match result.kind:
-        case "better":
-            sentences.append(f"In these winds {agent} is ahead of {evaluation.baseline}.")
-        case "worse":
-            sentences.append(f"In these winds {agent} does not reach {evaluation.baseline}.")
-        case "equal":
-            sentences.append(f"In these winds {agent} and {evaluation.baseline} do equally well.")
-        case "open":
-            sentences.append(f"No difference between {agent} and {evaluation.baseline} is seen in these winds.")
-        case _:
-            sentences.append(f"That is a trade: better are {gains}; worse are {costs}.")
-    return sentences
+    results = {
+        "better": f"In these winds {agent} is ahead of {evaluation.baseline}.",
+        "worse": f"In these winds {agent} does not reach {evaluation.baseline}.",
+        "equal": f"In these winds {agent} and {evaluation.baseline} do equally well.",
+        "open": f"No difference between {agent} and {evaluation.baseline} is seen in these winds.",
+        "trade": f"That is a trade: better are {gains}; worse are {costs}.",
+    }
+    return [*sentences, results[result.kind]]
 
 
 def _reach_paragraph(evaluation: Evaluation) -> str:
@@ -398,35 +365,25 @@ def results_table(evaluation: Evaluation) -> list[str]:
     Greatest speed, smallest clearance and overspeeds are extremes and sums over the winds, not changes.
     """
     measured = measured_metrics(run.metrics for run in evaluation.runs)
-    columns = _TABLE | {key: text for key, text in _MORE.items() if key in measured}
-    several = len(evaluation.speeds) > 1
+    columns = [key for key in COLUMN_HEADS if key in measured and key != "mean_power"]
+    parts: list[tuple[str, float | None, bool]] = [(f"{speed:g} m/s", speed, False) for speed in evaluation.speeds]
+    if len(parts) > 1:
+        parts += [("all", None, False)] + [("lifetime", None, True)] * (evaluation.climate is not None)
     rows = []
-    for speed in (*evaluation.speeds, *([None] if several else [])):
-        rows.append(Row("all" if speed is None else f"{speed:g} m/s"))
-        rows += [Row(a, [_table_cell(evaluation, a, key, speed) for key in columns]) for a in evaluation.agents]
-    if evaluation.climate is not None and several:
-        rows.append(Row("lifetime"))
-        rows += [Row(a, [_lifetime_cell(evaluation, a, key) for key in columns]) for a in evaluation.agents]
-    return markdown(["wind", "agent", *columns.values()], rows)
+    for title, speed, life in parts:
+        rows.append(Row(title))
+        rows += [Row(a, [_table_cell(evaluation, a, key, speed, life) for key in columns]) for a in evaluation.agents]
+    return markdown(["wind", "agent", *(COLUMN_HEADS[key] for key in columns)], rows)
 
 
-def _table_cell(evaluation: Evaluation, agent: str, key: str, speed: float | None) -> str:
-    """Value of the baseline or of an extreme, else a change."""
-    values = evaluation.overall_metrics(agent, speed)
-    if key not in values:
+def _table_cell(evaluation: Evaluation, agent: str, key: str, speed: float | None, life: bool = False) -> str:
+    """Value of the baseline or of an extreme, else a change; of ``life`` the load over it."""
+    if life and key not in LIFETIME_EXPONENTS:
+        return ""
+    value = lifetime(evaluation, agent, key) if life else evaluation.overall_metrics(agent, speed).get(key)
+    if value is None:
         return NONE
     if agent == evaluation.baseline or METRICS[key].over_winds != "mean":
-        return _shown(key, values)
-    change = paired_change(evaluation, agent, key, speed)
+        return format_value(key, value, unit=True)
+    change = lifetime_change(evaluation, agent, key) if life else paired_change(evaluation, agent, key, speed)
     return "not compared" if change is None else format_estimate(key, change)
-
-
-def _lifetime_cell(evaluation: Evaluation, agent: str, key: str) -> str:
-    """Load over a life, or its change."""
-    if key not in LIFETIME_EXPONENTS:
-        return ""
-    if agent == evaluation.baseline:
-        value = lifetime(evaluation, agent, key)
-        return NONE if value is None else _shown(key, {key: value})
-    change = lifetime_change(evaluation, agent, key)
-    return NONE if change is None else format_estimate(key, change)

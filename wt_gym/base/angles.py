@@ -2,8 +2,6 @@
 
 import math
 
-__all__ = ["wrapped"]
-
 
 def wrapped(angle: float) -> float:
     """The same direction within [-π, π) [rad]."""

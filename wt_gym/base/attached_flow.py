@@ -9,8 +9,6 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["attached_lift"]
-
 ZERO_LIFT_RANGE = np.radians(20.0)
 """Largest angle of zero lift of a section [rad]."""
 SLOPE_RANGE = np.radians([2.0, 15.0])

@@ -15,8 +15,6 @@ from threadpoolctl import ThreadpoolController
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-__all__ = ["one_blas_thread"]
-
 # NumPy and SciPy are imported above so that their libraries are loaded when they are looked up here.
 _LIBRARIES = ThreadpoolController().select(user_api="blas")
 
@@ -29,11 +27,6 @@ def one_blas_thread() -> AbstractContextManager[Any]:
     The number belongs to the process or to the calling thread, which depends on how a library was built. So work that
     needs the limit takes it, and who starts threads with such work side by side holds it around them: otherwise the
     first of them to end sets the number back for the others.
-
-    Returns
-    -------
-    context manager
-        Sets the numbers back at its end.
     """
     limit: AbstractContextManager[Any] = _LIBRARIES.limit(limits=1)
     return limit

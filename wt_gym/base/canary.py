@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import logging
 import os
 from functools import cache
 from pathlib import Path
@@ -20,16 +19,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from wt_gym.base.files import write_text_whole
-from wt_gym.base.user_cache import user_cache
+from wt_gym.base.files import read_json, write_text_whole
+from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
-
-__all__ = [
-    "CANARY", "TOLERANCE", "Canary", "cached_canary", "canary_differences", "canary_text", "differing",
-    "package_digest", "software",
-]  # fmt: skip
 
 Canary: TypeAlias = "dict[str, str]"
 """Numbers of each channel, as text; a JSON value."""
@@ -41,7 +35,6 @@ _SMALLEST_RANGE = 1e-3
 """Range of a channel that hardly changes, over its largest value [-]."""
 _MOST_FILES = 64
 """Canaries in the cache; the oldest are removed."""
-_log = logging.getLogger(__name__)
 _known: dict[tuple[str, ...], Canary] = {}
 
 
@@ -51,13 +44,7 @@ def canary_text(values: Iterable[float]) -> str:
 
 
 def canary_differences(first: Mapping[str, str], second: Mapping[str, str]) -> list[str]:
-    """Channels in which two canaries differ, the largest difference first, with its size.
-
-    Parameters
-    ----------
-    first, second : mapping
-        Canaries; the ranges are those of both together.
-    """
+    """Channels in which two canaries differ, the largest difference over the range of both first, with its size."""
     sizes: dict[str, float] = {}
     for name in {*first, *second}:
         texts = first.get(name), second.get(name)
@@ -97,26 +84,20 @@ def differing(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[str]:
 
 
 def cached_canary(name: str, key: str, measure: Callable[[], Canary]) -> Canary:
-    """Canary in the memory of the process or in the user's cache; it is measured where the package has changed.
+    """Canary of a kind in the memory of the process or in the user's cache; measured where the package has changed.
 
-    Parameters
-    ----------
-    name : str
-        Kind of the canary.
-    key : str
-        Digest of everything besides the package on which it depends.
-    measure : callable
+    ``key`` is the digest of everything besides the package on which it depends.
     """
     place = name, key[:16]
     if place in _known:
         return _known[place]
-    folder = user_cache()
-    file = None if folder is None else folder / "canaries" / f"{'-'.join(place)}-{package_digest()[:16]}.json"
-    canary = None if file is None else _stored(file)
+    file = cached_file("canaries", f"{'-'.join(place)}-{package_digest()[:16]}.json")
+    canary: Canary | None = read_cached("canary", file, read_json)
     if canary is None:
         canary = measure()
-        if file is not None:
-            _store(file, canary)
+        text = json.dumps(canary, indent=1) + "\n"
+        if file is not None and write_cached("canary", file, lambda path: write_text_whole(path, text)):
+            prune(file.parent.glob("*.json"), _MOST_FILES)
     _known[place] = canary
     return canary
 
@@ -143,26 +124,3 @@ def software() -> tuple[str, ...]:
 
     cpu = llvmlite.binding.get_host_cpu_name()
     return numba.__version__, llvmlite.__version__, np.__version__, cpu, way_to_compile()
-
-
-def _stored(file: Path) -> Canary | None:
-    try:
-        canary: Canary = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError) as error:
-        _log.warning("the canary %s is unreadable (%s); it is measured again", file, error)
-        return None
-    return canary
-
-
-def _store(file: Path, canary: Canary) -> None:
-    """Write a file, and remove the oldest ones; where nothing can be written, the next process measures again."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        write_text_whole(file, json.dumps(canary, indent=1) + "\n")
-        files = sorted(file.parent.glob("*.json"), key=lambda path: path.stat().st_mtime)
-        for old in files[:-_MOST_FILES]:
-            old.unlink(missing_ok=True)
-    except OSError as error:
-        _log.warning("the canary could not be stored in %s (%s)", file, error)

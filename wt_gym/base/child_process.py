@@ -22,8 +22,6 @@ from typing import IO, TYPE_CHECKING, Any, cast
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["ChildEndedError", "ChildFailedError", "ChildProcess"]
-
 _PATIENCE = 5.0
 """Time that a process is given to end [s]."""
 _UNBUFFERED = {"GFORTRAN_UNBUFFERED_PRECONNECTED": "y"}
@@ -53,16 +51,8 @@ class ChildEndedError(RuntimeError):
 class ChildProcess:
     """A worker in a process of its own, which ends with this object.
 
-    Parameters
-    ----------
-    worker : Path
-        Its file.
-    arguments : sequence of str
-        Of its ``begin``.
-    log : Path
-        Receives what it prints.
-    folder : Path, optional
-        In which it runs, by default the present one.
+    The arguments are those of its ``begin``; the log receives what it prints; it runs in the folder, by default the
+    present one.
     """
 
     def __init__(self, worker: Path, arguments: Sequence[str], log: Path, folder: Path | None = None):
@@ -80,13 +70,7 @@ class ChildProcess:
         return self._end.alive
 
     def ask(self, name: str, *values: object) -> Any:
-        """Have a method of the worker called; what it gives.
-
-        Parameters
-        ----------
-        name : str
-        *values
-            Plain ones.
+        """Result of a method of the worker, called with plain values.
 
         Raises
         ------
@@ -110,19 +94,14 @@ class ChildProcess:
         return answer
 
     def _ended(self) -> ChildEndedError:
-        code = self._process.returncode
+        code, printed = self._process.returncode, ""
         with contextlib.suppress(FileNotFoundError):  # its folder may be gone
             printed = self._log.read_text(encoding="utf-8", errors="replace").strip()
-            return ChildEndedError(_how(code), printed)
-        return ChildEndedError(_how(code), "")
+        return ChildEndedError(f"by signal {-code}" if code < 0 else f"with exit status {code}", printed)
 
     def close(self) -> None:
         """End it."""
         self._end()
-
-
-def _how(code: int) -> str:
-    return f"by signal {-code}" if code < 0 else f"with exit status {code}"
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

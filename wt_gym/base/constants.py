@@ -1,7 +1,5 @@
 """Constants, each in one place."""
 
-__all__ = ["AIR_DENSITY", "DAY", "GRAVITY"]
-
 AIR_DENSITY = 1.225
 """At sea level in the standard atmosphere [kg/m³] (ISO 2533), where nothing else is given."""
 

@@ -9,20 +9,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = [
-    "ActionError",
-    "BenchmarkError",
-    "ControllerError",
-    "InflowError",
-    "ServerError",
-    "SimulationError",
-    "TurbineDefinitionError",
-    "WtGymError",
-    "did_you_mean",
-    "plain_numbers",
-]
-
-
 _NUMPY_SCALAR = re.compile(r"\bnp\.(?:\w+\(([^()]*)\)|(True|False)_)")
 """Representation of a scalar of NumPy: np.float64(1.0), np.str_('a'), np.True_."""
 
@@ -73,13 +59,7 @@ def plain_numbers(text: str) -> str:
 def did_you_mean(name: object, known: Iterable[str], otherwise: str = "") -> str:
     """End of a message about an unknown name, which asks for the known name that it resembles most.
 
-    Parameters
-    ----------
-    name : object
-        What was given.
-    known : iterable of str
-    otherwise : str
-        What stands there where no name is near: a full stop where the message continues.
+    Where no name is near, ``otherwise`` stands there: a full stop where the message continues.
 
     Examples
     --------

@@ -17,21 +17,11 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-__all__ = [
-    "HeldFolder", "decoded_text", "json_values", "remove_partial", "require_writable", "shipped_folder", "whole_file",
-    "write_netcdf_whole", "write_text_whole", "write_whole",
-]  # fmt: skip
-
 
 class HeldFolder:
     """Temporary folder that goes with the last object that holds it, or before by `remove`.
 
-    Where a file of it is still in use, as Windows does for a moment, the folder stays.
-
-    Parameters
-    ----------
-    prefix : str
-        Of its name.
+    Its name has the prefix. Where a file of it is still in use, as Windows does for a moment, the folder stays.
     """
 
     def __init__(self, prefix: str):
@@ -52,22 +42,23 @@ def json_values(values: Mapping[str, Any]) -> dict[str, Any]:
     return read
 
 
+def read_json(path: Path, kind: type = dict) -> Any:
+    """Read a JSON file that holds a value of a kind, by default a table; a `ValueError` if it does not."""
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(value, kind):
+            raise ValueError(f"it must hold a {kind.__name__}, got {value!r:.80}")
+    except ValueError as error:  # no JSON, or no text at all
+        raise ValueError(f"{path} is damaged: {error}") from error
+    return value
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a temporary path to write to, which takes the name of the file in the end: nobody ever meets half of it.
 
-    Processes that write the same file at the same time do not disturb each other. Where writing fails, the file stays
-    as it was and the temporary one is removed.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Its folder exists.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
+    The folder of the file exists. Processes that write the same file at the same time do not disturb each other. Where
+    writing fails with an `OSError`, the file stays as it was and the temporary one is removed.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
@@ -81,16 +72,9 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def require_writable(folder: Path) -> None:
-    """Make a folder if there is none, and try to write there: permissions do not tell of full or read-only disks.
+    """Make a folder if there is none, and try to write there; an `OSError` if nothing can be written.
 
-    Parameters
-    ----------
-    folder : pathlib.Path
-
-    Raises
-    ------
-    OSError
-        If nothing can be written there.
+    Permissions do not tell of full or read-only disks.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder) as file:
@@ -122,14 +106,7 @@ def _writes(partial: Path) -> bool:
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], Any]) -> None:
-    """Write a file as `whole_file` does.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    write : callable
-        Gets the open file.
-    """
+    """Write a file as `whole_file` does; ``write`` gets the open file."""
     with whole_file(path) as partial, partial.open("wb") as file:
         write(file)
 

@@ -24,7 +24,9 @@ decides what a value may be:
 ``tuple[float, float]``    two numbers in order, each within the range
 ``float | tuple[float, float]``  a number or two in order
 ``tuple[int, ...]``, ``tuple[float, ...]``, ``tuple[str, ...]``  several values, each as above
+``tuple[int, int]``, ``tuple[int, int, int]``  as many integral numbers, each within the range
 ``Mapping[str, float]``    names, of ``choices`` where there are any, to numbers within the range
+``NDArray[np.float64]``    with a ``shape``: a read-only copy of an array of finite numbers within the range
 ``… | None``               None too
 ========================== ============================================================================
 
@@ -40,41 +42,15 @@ import math
 import numbers
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from textwrap import fill
 from typing import Any, ClassVar, Self, TypeVar, cast, dataclass_transform
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.errors import did_you_mean
-
-__all__ = [
-    "LONGEST",
-    "Option",
-    "Options",
-    "add_options",
-    "as_pair",
-    "as_tuple",
-    "check_duration",
-    "check_flag",
-    "check_mapping",
-    "check_names",
-    "check_number",
-    "check_whole_steps",
-    "chosen_options",
-    "named_value",
-    "not_empty",
-    "option",
-    "option_record",
-    "options_of",
-    "plain_value",
-    "real_number",
-    "real_numbers",
-    "section",
-    "shown",
-    "word_value",
-]
 
 LONGEST = 1e6
 """Longest time that is simulated in one run [s], eleven days: hours of computing at least, so that more is a slip."""
@@ -90,13 +66,13 @@ class Option:
     ----------
     name : str
         Within its record.
+    meaning : str
+        Without a full stop at the end.
+    default : object
     flat : str
         As an argument of the environment, or an option of a command, by itself.
     kind : str
         Type as documentation shows it.
-    meaning : str
-        Without a full stop at the end.
-    default : object
     unit : str
         "" or "-" where the value has none.
     low, high : float
@@ -119,13 +95,19 @@ class Option:
         From a subject, as a turbine, to the value that it has where the default is None; None where it has none.
     only_of : callable or None
         From a subject to whether it has this option; None: every subject does.
+    shape : tuple of int and str
+        Of an array; a name stands for the same length, at least one, in all arrays of a record.
+    ascending : int
+        Least number of entries of a grid, whose entries ascend strictly; 0: no grid.
+    infinite : bool
+        Infinity is an entry, as of a rigid section.
     """
 
     name: str
-    flat: str
-    kind: str
     meaning: str
     default: Any
+    flat: str = ""
+    kind: str = ""
     unit: str = ""
     low: float = -math.inf
     high: float = math.inf
@@ -139,6 +121,9 @@ class Option:
     otherwise: str = ""
     in_use: Callable[[Any], Any] | None = None
     only_of: Callable[[Any], bool] | None = None
+    shape: tuple[int | str, ...] = ()
+    ascending: int = 0
+    infinite: bool = False
 
     @property
     def takes_none(self) -> bool:
@@ -178,6 +163,8 @@ class Option:
         numbers_text, names = self.range_text, ", ".join(self.choices)
         if part == "str" and self.choices:
             return f"one of {names}"
+        if part.startswith("tuple[") and self.kinds:
+            return f"at least one {self.kinds[0].__name__}"
         if part == "tuple[str,...]":
             return f"some of {names}, each once" if names else "names"
         if part == "Mapping[str,float]":
@@ -185,6 +172,8 @@ class Option:
         simple = {
             "bool": "true or false", "int": f"a whole number {numbers_text}", "float": f"a number {numbers_text}",
             "str": "a text", "Path": "a path", "tuple[float,float]": f"two numbers (low, high) {numbers_text}",
+            "tuple[int,int]": f"two whole numbers {numbers_text}",
+            "tuple[int,int,int]": f"three whole numbers {numbers_text}",
             "tuple[int,...]": f"whole numbers {numbers_text}", "tuple[float,...]": f"numbers {numbers_text}",
         }  # fmt: skip
         return simple.get(part, f"a {part}" if part.isidentifier() and part != "None" else "").strip()
@@ -209,11 +198,19 @@ class Option:
         text = f"{self.meaning} [{self.unit}]." if self.unit else f"{self.meaning}."
         range_text = self.allowed_text or (self.range_text if not self.range_text.startswith("in ") else "")
         allowed = f" Allowed: {range_text}." if range_text else ""
+        if self.default is MISSING:
+            return f"{text}{allowed}"
         default = self.otherwise if self.default is None and self.otherwise else f"``{self.default_text}``"
         return f"{text}{allowed} Default: {default}."
 
-    def checked(self, value: Any) -> Any:
-        """Return the value as it is stored: numbers as float or int, sequences as tuples.
+    def checked(self, value: Any, sizes: dict[str, int] | None = None) -> Any:
+        """Return the value as it is stored: numbers as float or int, sequences as tuples, arrays as read-only copies.
+
+        Parameters
+        ----------
+        value : object
+        sizes : dict, optional
+            Lengths of the arrays of the record by the names in their shapes; new ones are put in.
 
         Raises
         ------
@@ -222,7 +219,7 @@ class Option:
         """
         if value is None and self.takes_none:
             return None
-        result = self._fitting(value)
+        result = self._array(value, {} if sizes is None else sizes) if self.shape else self._fitting(value)
         if result is None:
             wrong = self._wrong_name(value)
             near = did_you_mean(wrong, self.choices) if isinstance(wrong, str) and self.choices else ""
@@ -245,11 +242,34 @@ class Option:
                     return result
             elif self.kinds:
                 known = True
-                if isinstance(value, self.kinds):
+                several = value if part.startswith("tuple[") and isinstance(value, tuple) else ()
+                if isinstance(value, self.kinds) or (several and all(isinstance(each, self.kinds) for each in several)):
                     return value
             elif part != "None":
                 return value
         return None if known else value
+
+    def _array(self, value: Any, sizes: dict[str, int]) -> NDArray[np.float64]:
+        sides = [sizes.get(side, side) if isinstance(side, str) else side for side in self.shape]
+        text = f"({', '.join(map(str, sides))}{',' if len(sides) == 1 else ''})"
+        try:
+            array = np.array(value, dtype=np.float64, order="C")
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{self.flat} must be numbers of shape {text}, got {shown(value)}") from error
+        fixed = [n if isinstance(side, str) and n else side for n, side in zip(array.shape, sides, strict=False)]
+        if array.shape != tuple(fixed) or array.ndim != len(sides):
+            raise ValueError(f"{self.flat} must be of shape {text}, got shape {array.shape}")
+        bad = np.isnan(array) | (np.isinf(array) & (not self.infinite)) | (array < self.low) | (array > self.high)
+        if np.any(bad):
+            index = tuple(int(i) for i in np.argwhere(bad)[0])
+            place = f"{self.flat}[{', '.join(map(str, index))}]"
+            kind = "" if self.infinite else "finite "
+            raise ValueError(f"{place} must be a {kind}number {self.range_text}".rstrip() + f", got {array[index]:g}")
+        if self.ascending:
+            check_ascending(self.flat, array, self.ascending)
+        sizes |= {side: n for side, n in zip(self.shape, array.shape, strict=True) if isinstance(side, str)}
+        array.flags.writeable = False
+        return array
 
     def _wrong_name(self, value: Any) -> Any:
         """First name that is no choice."""
@@ -291,12 +311,13 @@ def _pair(declared: Option, value: Any) -> tuple[float, ...] | None:
     return ends if len(ends) == 2 and ends[0] <= ends[1] and all(map(declared.within, ends)) else None
 
 
-def _several(form: Callable[[Option, Any], Any], once: bool = False) -> Callable[[Option, Any], Any]:
+def _several(form: Callable[[Option, Any], Any], once: bool = False, count: int = 0) -> Callable[[Option, Any], Any]:
     def forms(declared: Option, value: Any) -> tuple[Any, ...] | None:
         if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping):
             return None
         parts = tuple(form(declared, part) for part in value)
-        return None if None in parts or (once and len(set(parts)) < len(parts)) else parts
+        wrong = None in parts or (once and len(set(parts)) < len(parts)) or (count and len(parts) != count)
+        return None if wrong else parts
 
     return forms
 
@@ -311,41 +332,32 @@ def _mapping(declared: Option, value: Any) -> dict[str, float] | None:
 _FORMS: dict[str, Callable[[Option, Any], Any]] = {
     "bool": _flag, "int": _whole, "float": _number, "str": _name, "Path": _path, "tuple[float,float]": _pair,
     "tuple[int,...]": _several(_whole), "tuple[float,...]": _several(_number), "tuple[str,...]": _several(_name, True),
+    "tuple[int,int]": _several(_whole, count=2), "tuple[int,int,int]": _several(_whole, count=3),
     "Mapping[str,float]": _mapping,
 }  # fmt: skip
 
 
 def option(
-    meaning: str, *, default: Any, unit: str = "", low: float = -math.inf, high: float = math.inf, above: bool = False,
-    below: bool = False, choices: Iterable[str] = (), check: Callable[[Any], Any] | None = None, flat: str = "",
-    kind: str = "", allowed: str = "", kinds: tuple[type, ...] = (), otherwise: str = "",
-    in_use: Callable[[Any], Any] | None = None, only_of: Callable[[Any], bool] | None = None,
-) -> Any:  # fmt: skip
+    meaning: str, *, default: Any = MISSING, choices: Iterable[str] = (), allowed: str = "", **declared: Any
+) -> Any:
     """Field of a record.
 
     Parameters
     ----------
     meaning : str
         Without a full stop at the end.
-    default : object
-    unit, low, high, above, below, choices, check
-        As of `Option`.
-    flat : str
-        Name by itself; "" for that of the field.
-    kind : str
-        Type for documentation; "" for the annotation.
+    default : object, optional
+        Without one the field must be given.
+    choices : iterable of str
     allowed : str
         Allowed values in words, in place of those that follow from the declaration.
-    kinds, otherwise, in_use, only_of
-        As of `Option`.
+    **declared
+        Further attributes of `Option`; ``flat`` and ``kind`` are by default the name and the annotation of the field.
     """
-    declared = Option(
-        "", flat, kind, meaning, default, unit, low, high, above, below, tuple(choices), check, allowed, "", kinds,
-        otherwise, in_use, only_of,
-    )  # fmt: skip
+    content = Option("", meaning, default, choices=tuple(choices), allowed_text=allowed, **declared)
     if isinstance(default, dict):
-        return field(default_factory=default.copy, metadata={_KEY: declared})
-    return field(default=default, metadata={_KEY: declared})
+        return field(default_factory=default.copy, metadata={_KEY: content})
+    return field(default=default, metadata={_KEY: content})
 
 
 def options_of(record: Any) -> tuple[Option, ...]:
@@ -384,6 +396,9 @@ def _declared(cls: Any) -> tuple[Option, ...]:
 
 def _kind_text(annotation: str, said: Option) -> str:
     """Type of a field in NumPy's words."""
+    if said.shape:
+        sides = ", ".join(map(str, said.shape))
+        return f"ndarray, shape ({sides}{',' if len(said.shape) == 1 else ''}){', optional' * ('None' in annotation)}"
     parts = [part.strip() for part in annotation.split("|")]
     words = [f"{{{', '.join(map(repr, said.choices))}}}" if part == "str" and said.choices else part for part in parts]
     plain = [word.replace("tuple[float, float]", "(float, float)") for word in words if word != "None"]
@@ -394,7 +409,7 @@ def _kind_text(annotation: str, said: Option) -> str:
 @dataclass_transform(frozen_default=True, field_specifiers=(option, field))
 def option_record(cls: type[T]) -> type[T]:
     """Make a frozen dataclass that remembers which fields were given, documented by their declarations."""
-    made: Any = dataclass(frozen=True, repr=False)(cls)
+    made: Any = dataclass(frozen=True, repr=False, eq=getattr(cls, "by_value", True))(cls)
     names, plain = [one.name for one in fields(made)], made.__init__
     made._declared = _declared(made)
 
@@ -423,23 +438,26 @@ class Options:
     """Name of the record in messages; argument of the environment that takes it."""
     objects: ClassVar[dict[str, type]] = {}
     """Classes whose objects have a form in JSON, their arguments, by the fields that take them."""
-    error: ClassVar[type[ValueError]] = ValueError
+    error: ClassVar[type[Exception]] = ValueError
     """Class of the errors about values."""
     prefix: ClassVar[str] = ""
     """Beginning of the flat names of fields that have none of their own."""
     switch: ClassVar[str] = ""
     """Field without which, where it is None, the others have no meaning."""
-    _declared: ClassVar[tuple[Option, ...]]
+    by_value: ClassVar[bool] = True
+    """Records with equal fields are equal; otherwise only a record and itself."""
+    _declared: ClassVar[tuple[Option, ...]] = ()
     _given: frozenset[str]
 
     def __post_init__(self) -> None:
         """Check every field by itself and with the others of the record."""
+        sizes: dict[str, int] = {}
         for one in self._declared:
             value = _reusable(getattr(self, one.name))
-            if one.name in self.objects and isinstance(value, Mapping):
-                value = self._object(one, value)
+            if kind := self.objects.get(one.name, next((k for k in one.kinds if issubclass(k, Options)), None)):
+                value = self._object(one, kind, value)
             try:
-                self._set(one.name, one.checked(value))
+                self._set(one.name, one.checked(value, sizes))
             except ValueError as error:
                 raise (error if isinstance(error, self.error) else self.error(str(error))) from error
         self.check()
@@ -447,8 +465,12 @@ class Options:
     def check(self) -> None:
         """Refuse what has no meaning together."""
 
-    def _object(self, declared: Option, value: Mapping[str, Any]) -> Any:
-        kind = self.objects[declared.name]
+    def _object(self, declared: Option, kind: type, value: Any) -> Any:
+        """Objects of mappings of their arguments; what is no mapping stays."""
+        if isinstance(value, tuple):
+            return tuple(self._object(declared, kind, part) for part in value)
+        if not isinstance(value, Mapping):
+            return value
         try:
             return kind(**{key: _reusable(part) for key, part in value.items()})
         except (TypeError, ValueError) as error:
@@ -689,21 +711,12 @@ def not_empty(value: T) -> T:
 
 
 def check_number(name: str, value: Any, unit: str = "", *, finite: bool = True) -> float:
-    """Return a real number, which neither a truth value nor a text is.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-    unit : str
-        For the message.
-    finite : bool
-        Refuse NaN and infinity.
+    """Return a real number, which neither a truth value nor a text is, NaN and infinity only without ``finite``.
 
     Raises
     ------
     ValueError
+        With the name of the argument, what it must be, and ``unit``.
     """
     found = real_number(value)
     if found is None or (finite and not math.isfinite(found)):
@@ -714,13 +727,6 @@ def check_number(name: str, value: Any, unit: str = "", *, finite: bool = True) 
 
 def check_duration(name: str, value: Any, least: float = 0.0) -> float:
     """Return a time that can be simulated: a number of ``least`` to `LONGEST` [s].
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-    least : float
 
     Raises
     ------
@@ -733,21 +739,12 @@ def check_duration(name: str, value: Any, least: float = 0.0) -> float:
 
 
 def check_whole_steps(name: str, time: float, control_dt: float, least: int) -> int:
-    """Return how many control steps a time is.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    time, control_dt : float
-        [s]
-    least : int
-        Fewest steps that are allowed.
+    """Return how many steps of ``control_dt`` [s] a time [s] is.
 
     Raises
     ------
     ValueError
-        If it is not a whole number of them.
+        If it is not a whole number of them, at least ``least``.
     """
     count = round(time / control_dt)
     if not (count >= least and math.isclose(count * control_dt, time, rel_tol=1e-9, abs_tol=1e-12)):
@@ -795,6 +792,20 @@ def check_mapping(name: str, value: Any) -> dict[str, float]:
     return {key: check_number(f"{name}[{key!r}]", number, finite=False) for key, number in value.items()}
 
 
+def check_ascending(name: str, array: NDArray[np.float64], least: int = 2) -> None:
+    """Require at least so many entries (n,), strictly ascending.
+
+    Raises
+    ------
+    ValueError
+    """
+    if array.size < least:
+        raise ValueError(f"{name} must have at least {least} strictly ascending numbers, got {array.tolist()}")
+    if np.any(falls := np.diff(array) <= 0.0):
+        i = int(np.argmax(falls))
+        raise ValueError(f"{name}[{i + 1}] must be above {name}[{i}] = {array[i]:g} (ascending), got {array[i + 1]:g}")
+
+
 def real_number(value: Any) -> float | None:
     """Give a real number as it is; None for anything else, truth values and texts among them."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
@@ -818,4 +829,6 @@ def real_numbers(value: Any) -> tuple[float, ...]:
 
 def shown(value: Any) -> str:
     """How a refused value stands in a message: on one line, and shortened."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist() if value.size <= 9 else f"array of shape {value.shape}"
     return f"{value!r:.100}".replace("\n", " ")

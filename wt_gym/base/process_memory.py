@@ -1,4 +1,4 @@
-"""How much memory this process takes, where the system tells."""
+"""Memory of this process [MiB], where the system tells; None on Windows without the package psutil."""
 
 from __future__ import annotations
 
@@ -6,19 +6,11 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-__all__ = ["peak_memory", "resident_memory"]
-
 _MIB = 2**20
 
 
 def peak_memory() -> float | None:
-    """The most memory that this process has had [MiB].
-
-    Returns
-    -------
-    float or None
-        None on Windows where the package psutil is not installed.
-    """
+    """The most memory that this process has had [MiB]."""
     try:
         import resource
     except ModuleNotFoundError:  # Windows
@@ -28,13 +20,7 @@ def peak_memory() -> float | None:
 
 
 def resident_memory() -> float | None:
-    """Memory that this process has now [MiB]; where the system does not tell, the most that it ever had.
-
-    Returns
-    -------
-    float or None
-        None on Windows where the package psutil is not installed.
-    """
+    """Memory that this process has now [MiB]; where the system does not tell, the most that it ever had."""
     try:
         import resource
 

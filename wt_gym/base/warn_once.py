@@ -7,20 +7,14 @@ from __future__ import annotations
 
 import warnings
 
-__all__ = ["forget_warnings", "warn_once"]
-
 _messages: set[str] = set()
 
 
 def warn_once(message: str, stacklevel: int = 1) -> None:
     """Warn, unless the same message has been given in this process.
 
-    Parameters
-    ----------
-    message : str
-        It names its turbine, so that another turbine has another message.
-    stacklevel : int
-        As of `warnings.warn`, counted from the caller.
+    The message names its turbine, so that another turbine has another one; ``stacklevel`` is as of `warnings.warn`,
+    counted from the caller.
     """
     if message not in _messages:
         warnings.warn(message, stacklevel=stacklevel + 1)

@@ -12,8 +12,6 @@ from pathlib import Path
 
 from wt_gym.base.errors import WtGymError
 
-__all__ = ["CompilerError", "compile_library", "find_compiler", "library_name"]
-
 TARGETS = {
     "linux": "x86_64-linux-gnu.2.17",
     "linux-arm": "aarch64-linux-gnu.2.17",

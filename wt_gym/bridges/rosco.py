@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
-__all__ = ["READINGS", "SET_POINTS", "MessageError", "RoscoServer", "SetPoints", "read_message", "write_set_points"]
-
 FIRST_CALL, LAST_CALL = 0, -1
 """Status of the first message of a simulation and of the last one."""
 MOST_BLADES = 3

@@ -13,8 +13,6 @@ import wt_gym
 from wt_gym.base.errors import did_you_mean
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors, write_any_character
 
-__all__ = ["COMMANDS", "main", "module_of", "parse", "parser_of", "run"]
-
 COMMANDS = {
     "train": "train a policy: PPO, SAC or TQC",
     "search": "search hyperparameters for a training",
@@ -59,22 +57,18 @@ def parse(command: str, words: list[str] | None = None) -> argparse.Namespace:
     """Read the options of a command.
 
     Its module has a docstring, which is the description, ``add_options``, which takes the parser, and may have a text
-    ``EPILOG``, ``check``, which takes parser and arguments and refuses what does not go together, and ``parse``, which
-    takes parser and words where one reading does not do.
-
-    Parameters
-    ----------
-    command : str
-        Of `COMMANDS`.
-    words : list of str, optional
-        By default none.
+    ``EPILOG``, ``check``, which takes the arguments and refuses what does not go together by a `ValueError`, and
+    ``parse``, which takes parser and words where one reading does not do.
     """
     module, parser, words = module_of(command), parser_of(command), words or []
     arguments: argparse.Namespace = (
         module.parse(parser, words) if hasattr(module, "parse") else parser.parse_args(words)
     )
     if hasattr(module, "check"):
-        module.check(parser, arguments)
+        try:
+            module.check(arguments)
+        except ValueError as error:
+            parser.error(str(error))
     return arguments
 
 
@@ -83,11 +77,6 @@ def run(command: str, words: list[str]) -> None:
 
     ``run`` of its module takes the arguments, of which it may set ``status``, and gives the result, None where there is
     none to print. ``STOPPED`` tells what is there after Ctrl-C or SIGTERM: a text with names of arguments in braces.
-
-    Parameters
-    ----------
-    command : str
-        Of `COMMANDS`.
     """
     module, arguments = module_of(command), parse(command, words)
     arguments.words = words
@@ -101,13 +90,7 @@ def run(command: str, words: list[str]) -> None:
 
 
 def main(words: list[str] | None = None) -> None:
-    """Run the command that the first word names, with the others as its options.
-
-    Parameters
-    ----------
-    words : list of str, optional
-        By default those of the command line.
-    """
+    """Run the command that the first word names, by default of the command line, with the others as its options."""
     width = max(map(len, COMMANDS))
     parser = OneLineParser(
         prog="wt-gym",

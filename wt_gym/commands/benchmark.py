@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Any
 
-    from wt_gym.experiment.benchmark import BenchmarkAgent
     from wt_gym.experiment.benchmark_tasks import BenchmarkTask
 
 KEPT = "runs/benchmark"
@@ -79,18 +78,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def chosen(names: list[str]) -> list[BenchmarkTask]:
     """Tasks of the words of the command line."""
-    from wt_gym.base.errors import BenchmarkError, did_you_mean
     from wt_gym.experiment.benchmark_tasks import load_task, task_names
 
-    found = []
+    known, found = task_names(), list[str]()
     for name in names:
-        exact = [task for task in task_names() if task == name]
-        of_name = exact or [task for task in task_names() if name == "all" or task.startswith(name)]
-        if not of_name:
-            near = did_you_mean(name, task_names())
-            raise BenchmarkError(f"task must be one of {', '.join(task_names())}, got {name!r}{near}")
-        found += [task for task in of_name if task not in found]
-    return [load_task(name) for name in found]
+        exact = (name,) if name in known else tuple(task for task in known if name == "all" or task.startswith(name))
+        found += exact or (name,)  # which is refused
+    return [load_task(name) for name in dict.fromkeys(found)]
 
 
 def tasks(_: argparse.Namespace) -> None:
@@ -104,7 +98,7 @@ def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
     """Lines on tasks in which what is run now can have no score: their reference numbers do not fit the sources."""
     from wt_gym.base.canary import differing
     from wt_gym.base.errors import BenchmarkError
-    from wt_gym.experiment.benchmark import run_definition
+    from wt_gym.experiment.benchmark import task_fingerprint
     from wt_gym.experiment.benchmark_tasks import reference_of
 
     lines: list[str] = []
@@ -115,7 +109,7 @@ def warnings_of_scores(tasks: list[BenchmarkTask]) -> list[str]:
         except BenchmarkError as error:
             lines.append(str(error))
             continue
-        if parts := differing(known.fingerprint, run_definition(task, task.winds[0], {})["fingerprint"]):
+        if parts := differing(known.fingerprint, task_fingerprint(task)):
             others.setdefault(", ".join(parts), []).append(task.name)
     where = "" if IN_CLONE else "in a clone of the project "
     renew = f"{where}wt-gym benchmark reference"
@@ -142,7 +136,7 @@ def idle_lines(results: Iterable[dict[str, Any]]) -> list[str]:
 
 def run_agents(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run agents."""
-    from wt_gym.experiment.benchmark import ResultFolder, definition_of, entries_of, jobs_of, run_jobs
+    from wt_gym.experiment.benchmark import ResultFolder, entries_of, jobs_of, run_jobs
     from wt_gym.experiment.names import with_model_options
 
     tasks = chosen(arguments.task)
@@ -153,7 +147,7 @@ def run_agents(arguments: argparse.Namespace) -> dict[str, Any]:
     with executor_of(arguments) as executor:
         made = run_jobs(jobs, folder, executor)
     print(f"{made} runs made, {len(jobs) - made} were there")
-    print("".join(f"{line}\n" for line in idle_lines(folder.read(definition_of(job)) for job in jobs)), end="")
+    print("".join(f"{line}\n" for line in idle_lines(folder.read(job.definition) for job in jobs)), end="")
     print(f"scores: wt-gym benchmark table {arguments.out}")
     return {"runs": len(jobs), "made": made, "folder": str(arguments.out)}
 
@@ -207,22 +201,10 @@ def verify(arguments: argparse.Namespace) -> dict[str, Any]:
     return {"repeated": len(made), "different": wrong}
 
 
-def results(
-    arguments: argparse.Namespace, asked: list[tuple[BenchmarkTask, list[BenchmarkAgent]]]
-) -> list[dict[str, dict[str, Any]]]:
-    """Run entries in their tasks, all beside each other; give the results of each task by the name of the entry."""
-    from wt_gym.experiment.benchmark import ResultFolder, jobs_of, results_of, run_jobs
-
-    folder = ResultFolder(arguments.out)
-    with executor_of(arguments) as executor:
-        run_jobs([job for task, entries in asked for job in jobs_of([task], entries)], folder, executor)
-    return [{entry.name: results_of(task, entry, folder) for entry in entries} for task, entries in asked]
-
-
 def reference(arguments: argparse.Namespace) -> dict[str, Any]:
     """Renew reference numbers."""
     from wt_gym.base.errors import BenchmarkError
-    from wt_gym.experiment.benchmark import entries_of
+    from wt_gym.experiment.benchmark import ResultFolder, entries_of, jobs_of, run_jobs
     from wt_gym.experiment.benchmark_tasks import make_reference, write_reference
 
     if not IN_CLONE:
@@ -230,9 +212,17 @@ def reference(arguments: argparse.Namespace) -> dict[str, Any]:
             "reference numbers stand in the files of the package: a clone of the project makes them, not what is "
             f"installed in {CLONE}"
         )
-    asked, best = [(task, entries_of([task.baseline, *task.measures])) for task in chosen(arguments.task)], {}
-    for (task, entries), found in zip(asked, results(arguments, asked), strict=True):
-        made = make_reference(task, found.pop(entries[0].name), found)
+    best, folder, jobs = {}, ResultFolder(arguments.out), {}
+    for task in chosen(arguments.task):
+        jobs[task.name] = jobs_of([task], entries_of([task.baseline, *task.measures]))
+    with executor_of(arguments) as executor:
+        run_jobs([job for of_task in jobs.values() for job in of_task], folder, executor)
+    for of_task in jobs.values():
+        task = of_task[0].task
+        found: dict[str, dict[str, Any]] = {}
+        for job in of_task:
+            found.setdefault(job.entry.name, {})[job.wind.label] = folder.read(job.definition)
+        made = make_reference(task, found.pop(of_task[0].entry.name), found)
         path = write_reference(task, made)
         best[task.name] = made.improvements
         print(f"{task.id}: 100 is {made.best_agent}, an improvement of {100 * made.best_improvement:.2f} % ({path})")

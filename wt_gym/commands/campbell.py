@@ -18,59 +18,66 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import require_writable, whole_file
+from wt_gym.base.options import Options, chosen_options, option, option_record
+from wt_gym.base.options import add_options as add_record
 from wt_gym.commands.options import add_shared, turbine_of
 from wt_gym.commands.program import FIDELITIES_HELP
 
 if TYPE_CHECKING:
     from wt_gym.simulation.campbell import CampbellDiagram
-    from wt_gym.turbines import Turbine
 
 LARGEST_OVERSPEED = 5.0  # in rated rotor speeds
+
+
+@option_record
+class CampbellOptions(Options):
+    """Points of the diagram, and its model."""
+
+    title = "diagram"
+
+    rotor_speed: tuple[float, ...] | None = option("rotor speeds", default=None, unit="rpm", low=0.0)
+    wind_speed: tuple[float, ...] | None = option("mean wind speeds", default=None, unit="m/s", low=0.0, above=True)
+    pitch: float | None = option(
+        "blade pitch, with rotor speeds only", default=None, unit="deg", low=-180.0, high=180.0, otherwise="0"
+    )
+    aerodynamics: str | None = option(
+        "model of the air", default=None, choices=("none", "frozen_wake", "quasi_steady"), otherwise="see above"
+    )
+    free_generator: bool = option("constant torque instead of constant speed", default=False)
+    azimuths: int = option("over which models are averaged", default=6, low=1)
+
+    def check(self) -> None:
+        """Refuse both kinds of points, and a pitch where the controller gives it."""
+        if self.rotor_speed and self.wind_speed:
+            raise ValueError("give --rotor-speed or --wind-speed, not both")
+        if self.wind_speed and self.pitch is not None:
+            raise ValueError("--pitch goes with --rotor-speed; with --wind-speed the controller gives the pitch")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_shared(
-        parser, "turbine", "site", "fidelity", "wind_speed",
+        parser, "turbine", "site", "fidelity",
         fidelity={"help": f"{FIDELITIES_HELP}; not gebhardt, whose constrained form has no linear model"},
     )  # fmt: skip
-    parser.add_argument("--rotor-speed", type=float, nargs="+", metavar="RPM", help="rotor speeds [rpm]")
-    parser.add_argument("--pitch", type=float, metavar="DEG", help="blade pitch, with rotor speeds only (default: 0)")
-    parser.add_argument("--aerodynamics", choices=("none", "frozen_wake", "quasi_steady"), help="default: see above")
-    parser.add_argument("--free-generator", action="store_true", help="constant torque instead of constant speed")
-    parser.add_argument("--azimuths", type=int, default=6, help="over which models are averaged (default: %(default)s)")
+    add_record(parser, CampbellOptions)
     parser.add_argument("--out", type=Path, help="figure (format by its ending: png, svg, pdf)")
     parser.add_argument("--csv", type=Path, help="tidy table")
     add_shared(parser, "json")
 
 
-def check(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+def check(arguments: argparse.Namespace) -> None:
     """Refuse what cannot be drawn before anything is computed."""
-    if arguments.rotor_speed and arguments.wind_speed:
-        parser.error("give --rotor-speed or --wind-speed, not both")
-    if arguments.wind_speed and arguments.pitch is not None:
-        parser.error(
-            "--pitch goes with --rotor-speed; with --wind-speed the schedule of the controller gives the pitch"
-        )
-    for value in arguments.rotor_speed or ():
-        if not 0.0 <= value < math.inf:
-            parser.error(f"--rotor-speed {value}: allowed are finite speeds from 0")
-    for value in arguments.wind_speed or ():
-        if not 0.0 < value < math.inf:
-            parser.error(f"--wind-speed {value}: allowed are finite speeds above 0")
-    if arguments.pitch is not None and not abs(arguments.pitch) <= 180.0:
-        parser.error(f"--pitch {arguments.pitch}: allowed are -180 ... 180 degrees")
-    if arguments.azimuths < 1:
-        parser.error(f"--azimuths {arguments.azimuths}: at least one is needed")
+    arguments.diagram = CampbellOptions(**chosen_options(arguments, CampbellOptions))
     from wt_gym.simulation import FIDELITIES
 
     if arguments.fidelity not in (None, *FIDELITIES):
-        parser.error(
+        raise ValueError(
             f"--fidelity must be one of {', '.join(FIDELITIES)}, got {arguments.fidelity}"
             + did_you_mean(arguments.fidelity, FIDELITIES)
         )
     if arguments.fidelity and FIDELITIES[arguments.fidelity].formulation != "embedded":
-        parser.error(
+        raise ValueError(
             f"--fidelity {arguments.fidelity}: linear models need the embedded formulation, not the constrained"
         )
     if arguments.out:
@@ -78,20 +85,7 @@ def check(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> Non
 
         known = FigureCanvasBase.get_supported_filetypes()
         if arguments.out.suffix.lower().lstrip(".") not in known:
-            parser.error(f"--out {arguments.out}: endings of figures are {', '.join(sorted(known))}")
-
-
-def check_speeds(arguments: argparse.Namespace, turbine: Turbine) -> None:
-    """Refuse speeds that no rotor of this kind reaches, before anything is compiled."""
-    rated = turbine.drivetrain.rated_rotor_speed * 30.0 / math.pi
-    allowed = (
-        ("--rotor-speed", arguments.rotor_speed, LARGEST_OVERSPEED * rated, f"{LARGEST_OVERSPEED:g} x rated", "rpm"),
-        ("--wind-speed", arguments.wind_speed, turbine.cut_out, "cut-out", "m/s"),
-    )
-    for option, values, largest, what, unit in allowed:
-        for value in values or ():
-            if value > largest:
-                raise ValueError(f"{option} {value:g}: {turbine.name} takes at most {largest:.4g} {unit} ({what})")
+            raise ValueError(f"--out {arguments.out}: endings of figures are {', '.join(sorted(known))}")
 
 
 def compute(arguments: argparse.Namespace) -> CampbellDiagram:
@@ -106,17 +100,24 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
 
     line = ProgressLine(shown=sys.stderr.isatty())
     turbine = turbine_of(arguments)
-    check_speeds(arguments, turbine)
+    diagram, rated = arguments.diagram, turbine.drivetrain.rated_rotor_speed * 30.0 / math.pi
+    for name, largest, what in (
+        ("rotor_speed", LARGEST_OVERSPEED * rated, f"rpm ({LARGEST_OVERSPEED:g} x rated)"),
+        ("wind_speed", turbine.cut_out, "m/s (cut-out)"),
+    ):
+        if (fastest := max(getattr(diagram, name) or (0.0,))) > largest:  # before anything is compiled
+            option_name = name.replace("_", "-")
+            raise ValueError(f"--{option_name} {fastest:g}: {turbine.name} takes at most {largest:.4g} {what}")
     inflow = SteadyInflow(turbine.rated_wind_speed, hub_height=turbine.hub_height)
     simulator = Simulator(turbine, inflow=inflow, fidelity=arguments.fidelity)
-    speeds = arguments.rotor_speed
-    if speeds is None and arguments.wind_speed is None:
-        speeds = np.linspace(0.0, 1.1, 6) * turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi
+    speeds = diagram.rotor_speed
+    if speeds is None and diagram.wind_speed is None:
+        speeds = np.linspace(0.0, 1.1, 6) * rated
     return campbell(
-        simulator, rotor_speeds=None if arguments.wind_speed else np.asarray(speeds) * np.pi / 30.0,
-        wind_speeds=arguments.wind_speed, schedule=lambda wind: operating_point(turbine, wind),
-        pitch=np.radians(arguments.pitch or 0.0), aerodynamics=arguments.aerodynamics,
-        generator="free" if arguments.free_generator else "locked", n_azimuths=arguments.azimuths,
+        simulator, rotor_speeds=None if diagram.wind_speed else np.asarray(speeds) * np.pi / 30.0,
+        wind_speeds=diagram.wind_speed, schedule=lambda wind: operating_point(turbine, wind),
+        pitch=np.radians(diagram.pitch or 0.0), aerodynamics=diagram.aerodynamics,
+        generator="free" if diagram.free_generator else "locked", n_azimuths=diagram.azimuths,
         on_point=lambda done, count: line.show(f"{done} of {count} operating points", final=done == count),
     )  # fmt: skip
 

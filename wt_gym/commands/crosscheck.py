@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from wt_gym.commands.options import (
     MODELS,
@@ -24,14 +24,13 @@ from wt_gym.commands.options import (
     add_shared,
     agents_of,
     environment_of,
+    evaluation_of,
     executor_of,
 )
 from wt_gym.commands.program import UNSAFE
 
 if TYPE_CHECKING:
     import argparse
-
-    from wt_gym.experiment.evaluation import EvaluationConfig
 
 EPILOG = UNSAFE
 STOPPED = "the same command without --overwrite resumes with what is in {out}"
@@ -47,18 +46,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def configuration(arguments: argparse.Namespace, simulator: str | dict[str, Any]) -> EvaluationConfig:
-    """Evaluation of the options with one of the simulators."""
-    from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
-
-    kwargs = environment_of(arguments, simulator, start="steady")
-    winds = winds_for(arguments.env, kwargs, arguments.wind_speed, arguments.wind_seeds, None, arguments.duration)
-    return EvaluationConfig(
-        env_id=arguments.env, env_kwargs=kwargs, winds=winds, duration=arguments.duration, skip=arguments.skip,
-        replay=0.0,
-    )  # fmt: skip
-
-
 def run(arguments: argparse.Namespace) -> None:
     """Run both and write the page."""
     out, other = Path(arguments.out), arguments.simulator
@@ -68,7 +55,8 @@ def run(arguments: argparse.Namespace) -> None:
     from wt_gym.analysis.crosscheck import Crosscheck, tables, write_crosscheck
     from wt_gym.experiment.evaluation import evaluate
 
-    configs = [configuration(arguments, simulator) for simulator in (OWN_SIMULATOR, other)]
+    environments = [environment_of(arguments, simulator, start="steady") for simulator in (OWN_SIMULATOR, other)]
+    configs = [evaluation_of(arguments, kwargs, replay=0.0) for kwargs in environments]
     agents = agents_of(arguments, arguments.agents, configs[0].env_id, configs[0].env_kwargs)
     evaluations = []
     for config, folder in zip(configs, (OWN_SIMULATOR, name), strict=True):

@@ -33,7 +33,9 @@ from wt_gym.commands.options import (
     add_climate,
     add_shared,
     agents_of,
+    climate_of,
     environment_of,
+    evaluation_of,
     executor_of,
 )
 from wt_gym.commands.program import UNSAFE
@@ -76,19 +78,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def configuration(arguments: argparse.Namespace) -> EvaluationConfig:
     """Configuration of the options."""
-    from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
-
     kwargs = environment_of(arguments)
-    return EvaluationConfig(
-        env_id=arguments.env, env_kwargs=kwargs,
-        winds=winds_for(
-            arguments.env, kwargs, arguments.wind_speed, arguments.wind_seeds, arguments.draws, arguments.duration
-        ),
-        duration=arguments.duration, skip=arguments.skip,
-        replay=0.0 if "simulator" in kwargs else arguments.replay,  # others give no shapes
-        iec_class=arguments.iec_class, mean_wind_speed=arguments.mean_wind_speed,
-        weibull_shape=arguments.weibull_shape,
-    )  # fmt: skip
+    replay = 0.0 if "simulator" in kwargs else arguments.replay  # others give no shapes
+    return evaluation_of(arguments, kwargs, replay=replay, climate=climate_of(arguments))
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:

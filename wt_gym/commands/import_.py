@@ -50,14 +50,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_shared(parser, "json")
 
 
-def check(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+def check(arguments: argparse.Namespace) -> None:
     """Refuse other files, and ratings without meaning."""
     if arguments.model.suffix.lower() != ".fst":
-        parser.error(f"{arguments.model}: must be the primary file of an OpenFAST model, .fst")
+        raise ValueError(f"{arguments.model}: must be the primary file of an OpenFAST model, .fst")
     rating = {"--rated-power": arguments.rated_power, "--rated-rotor-speed": arguments.rated_rotor_speed}
     for option, value in rating.items():
         if value is not None and not 0.0 < value < math.inf:
-            parser.error(f"{option} {value}: must be a positive number")
+            raise ValueError(f"{option} {value}: must be a positive number")
 
 
 def summary(turbine: Turbine) -> list[tuple[str, float, str]]:
@@ -114,7 +114,7 @@ def control_summary(control: ControlData) -> list[tuple[str, str]]:
 
 def show(turbine: Turbine) -> None:
     """Print what was read, and what was assumed and left aside."""
-    print(turbine.title)
+    print(turbine.heading)
     for name, value, unit in summary(turbine):
         print(f"  {name:36}{value:14.6g} {unit}".rstrip())
     if turbine.control is not None:

@@ -23,6 +23,7 @@ from wt_gym.commands.options import (
     add_climate,
     add_shared,
     agents_of,
+    climate_of,
     environment_of,
     executor_of,
 )
@@ -68,8 +69,7 @@ def configuration(arguments: argparse.Namespace) -> LoadCaseConfig:
         cases = tuple(case for case in cases if case != PARKED_CASE)
     return LoadCaseConfig(
         env_id=arguments.env, env_kwargs=kwargs, cases=cases, quick=arguments.quick, turbulence=arguments.turbulence,
-        iec_class=arguments.iec_class, mean_wind_speed=arguments.mean_wind_speed,
-        weibull_shape=arguments.weibull_shape,
+        climate=climate_of(arguments),
     )  # fmt: skip
 
 

@@ -62,15 +62,7 @@ def _turbine_of(path: str, named: str | None) -> Turbine:
 
 
 def table(metrics: Mapping[str, Mapping[str, float]], baseline: str | None) -> str:
-    """Metrics of runs below each other.
-
-    Parameters
-    ----------
-    metrics : mapping
-        Of each run by its name, the path of a file for example.
-    baseline : str, optional
-        Run against which changes are shown.
-    """
+    """Metrics of runs by their names, as paths of files, below each other, with the changes against the baseline."""
     from wt_gym.analysis.metrics import METRICS
     from wt_gym.analysis.page import format_difference
 

@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import did_you_mean
+from wt_gym.base.options import add_options, chosen_options, named_value
 from wt_gym.commands.program import FIDELITIES_HELP, folder_path, json_value
 from wt_gym.tasks import DEFAULT_ENV
 
@@ -13,27 +14,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from wt_gym.deployment.export.openfast_flight import Scene
+    from wt_gym.experiment.evaluation import EvaluationConfig
     from wt_gym.experiment.execute import Executor
+    from wt_gym.experiment.options import ClimateOptions
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "CLUSTER", "MODELS", "OWN_SIMULATOR", "WORKERS", "add_climate", "add_scene", "add_shared", "agents_of",
-    "check_environment", "environment_of", "executor_of", "scene_of", "site_word", "turbine_of", "wind_word",
-]  # fmt: skip
 
 OWN_SIMULATOR = "wt_gym"
 """Name of the simulator of this package, the default of ``--simulator``."""
-
-
-def site_word(word: str) -> tuple[str, float | str]:
-    """Read ``NAME=VALUE`` of the option ``--site``: a number, or the name of a class."""
-    name, equals, value = word.partition("=")
-    if not (name and equals and value):
-        raise argparse.ArgumentTypeError(f"{word:.60} must be NAME=VALUE, for example air_density=1.1")
-    try:
-        return name, float(value)
-    except ValueError:
-        return name, value
 
 
 def wind_word(word: str) -> Any:
@@ -44,7 +31,7 @@ def wind_word(word: str) -> Any:
 _SHARED: dict[str, dict[str, Any]] = {
     "turbine": {"default": "nrel_5mw", "help": "catalogue name or windIO file (default: %(default)s)"},
     "site": {
-        "type": site_word, "nargs": "+", "metavar": "NAME=VALUE",
+        "type": named_value, "nargs": "+", "metavar": "NAME=VALUE",
         "help": "numbers of the site instead of those of the turbine: air_density, cut_in, cut_out, iec_class, "
         "turbulence_class, controller_air_density, rotation",
     },
@@ -129,12 +116,28 @@ def add_shared(parser: argparse._ActionsContainer, *names: str, **changes: Any) 
 
 def add_climate(parser: argparse.ArgumentParser) -> None:
     """Add the wind climate that weighs loads over a life."""
+    from wt_gym.experiment.options import ClimateOptions
+
     climate = parser.add_argument_group("wind climate, for loads over a life")
-    one = climate.add_mutually_exclusive_group()
-    one.add_argument("--iec-class", choices=("I", "II", "III"), help="class of IEC 61400-1 (default: the turbine's)")
-    one.add_argument("--mean-wind-speed", type=float, metavar="M_S", help="annual mean in place of the class's [m/s]")
-    climate.add_argument(
-        "--weibull-shape", type=float, default=2.0, metavar="K", help="Weibull exponent (default: %(default)s)"
+    add_options(climate.add_mutually_exclusive_group(), ClimateOptions, "iec_class", "mean_wind_speed")
+    add_options(climate, ClimateOptions, "weibull_shape")
+
+
+def climate_of(arguments: argparse.Namespace) -> ClimateOptions:
+    """Wind climate of the options."""
+    from wt_gym.experiment.options import ClimateOptions
+
+    return ClimateOptions(**chosen_options(arguments, ClimateOptions))
+
+
+def evaluation_of(arguments: argparse.Namespace, kwargs: dict[str, Any], **fields: Any) -> EvaluationConfig:
+    """Evaluation in the winds of the options, in the environment of ``--env`` with these arguments and more fields."""
+    from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
+
+    draws = getattr(arguments, "draws", None)
+    winds = winds_for(arguments.env, kwargs, arguments.wind_speed, arguments.wind_seeds, draws, arguments.duration)
+    return EvaluationConfig(
+        env_id=arguments.env, env_kwargs=kwargs, winds=winds, duration=arguments.duration, skip=arguments.skip, **fields
     )
 
 
@@ -150,13 +153,7 @@ def turbine_of(arguments: argparse.Namespace) -> Turbine:
 
 
 def executor_of(arguments: argparse.Namespace) -> Executor:
-    """Executor of `WORKERS`.
-
-    Raises
-    ------
-    ValueError
-        As `wt_gym.experiment.execute.executor_for`.
-    """
+    """Executor of `WORKERS`, see `wt_gym.experiment.execute.executor_for`."""
     from wt_gym.experiment.execute import executor_for
 
     return executor_for(arguments.engine, arguments.jobs, arguments.address)
@@ -165,16 +162,9 @@ def executor_of(arguments: argparse.Namespace) -> Executor:
 def agents_of(
     arguments: argparse.Namespace, words: Sequence[str], env_id: str | None = None, kwargs: Any = None
 ) -> dict[str, str]:
-    """Agents by the names that are shown, with the options `MODELS`.
+    """Agents by the names that are shown, of the words typed and the options `MODELS`.
 
-    Parameters
-    ----------
-    words : sequence of str
-        Agents as they were typed.
-    env_id : str, optional
-        Environment whose own controller "baseline" stands for.
-    kwargs : dict, optional
-        Its arguments.
+    "baseline" stands for the own controller of an environment, where one is given with its arguments.
     """
     from wt_gym.experiment.names import named_choices, own_controller, with_model_options
 
@@ -187,19 +177,9 @@ def environment_of(
 ) -> dict[str, Any]:
     """Arguments of the environment of ``--env-kwargs``, ``--site``, ``--wind``, ``--simulator`` and ``--fidelity``.
 
-    Where two of them name the same argument, the option of its own counts.
-
-    Parameters
-    ----------
-    simulator : str or mapping, optional
-        Instead of that of the options, see `wt_gym.envs.operation.simulator_maker`.
-    **first
-        Arguments that ``--env-kwargs`` replaces.
-
-    Raises
-    ------
-    ValueError, gymnasium.error.Error
-        If ``--env-kwargs`` is no mapping, or as `check_environment`.
+    Where two of them name the same argument, the option of its own counts. ``simulator`` stands for that of the
+    options (`wt_gym.envs.operation.simulator_maker`); ``first`` are arguments that ``--env-kwargs`` replaces. Raises a
+    `ValueError` if ``--env-kwargs`` is no mapping, and as `check_environment`.
     """
     from wt_gym.envs.options import flat_arguments
 
@@ -223,11 +203,7 @@ def environment_of(
 def check_environment(env_id: str, kwargs: dict[str, Any]) -> None:
     """Refuse an environment that is not one of this package, and arguments that it does not take.
 
-    Raises
-    ------
-    ValueError
-    gymnasium.error.Error
-        If there is no such environment.
+    Raises a `ValueError`, and a `gymnasium.error.Error` if there is no such environment.
     """
     import gymnasium as gym
 
@@ -261,13 +237,7 @@ def add_scene(parser: argparse._ActionsContainer, duration: float) -> None:
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:
-    """Turbine and wind of the options of `add_scene`.
-
-    Raises
-    ------
-    ValueError
-        As of `wt_gym.deployment.export.openfast_flight.scene_of`.
-    """
+    """Turbine and wind of the options of `add_scene`, see `wt_gym.deployment.export.openfast_flight.scene_of`."""
     from wt_gym.deployment.export import openfast_flight
 
     if not arguments.duration > 0.0:

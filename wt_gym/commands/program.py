@@ -21,11 +21,6 @@ from wt_gym.base.errors import WtGymError, plain_numbers
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-__all__ = [
-    "CLONE", "FIDELITIES_HELP", "IN_CLONE", "UNSAFE", "OneLineParser", "file_ending_in", "folder_path", "json_value",
-    "stoppable", "user_errors", "write_any_character",
-]  # fmt: skip
-
 UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
 they are loaded, and so can files of your own (file.py:Class): take none from strangers."""
 
@@ -58,15 +53,7 @@ def _installation(extra: str) -> str:
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """A parser that keeps descriptions as they are written, and says what is wrong in one line.
-
-    Parameters
-    ----------
-    command : str, optional
-        Of ``wt-gym``.
-    **options
-        As of `argparse.ArgumentParser`.
-    """
+    """A parser, of a command of ``wt-gym``, that keeps descriptions as they are written and errors in one line."""
 
     def __init__(self, command: str | None = None, **options: Any):
         if command is not None:
@@ -153,10 +140,7 @@ class _Terminated(KeyboardInterrupt):
 def stoppable(hint: str) -> Iterator[None]:
     """Let SIGTERM end the program as Ctrl-C does, with a line and status 130 or 143, once what is under way is safe.
 
-    Parameters
-    ----------
-    hint : str
-        What is there, and how to resume.
+    The hint tells what is there, and how to resume.
     """
 
     def terminate(*_: object) -> NoReturn:

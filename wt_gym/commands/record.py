@@ -40,12 +40,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def check(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+def check(arguments: argparse.Namespace) -> None:
     """Refuse a call without records to make."""
     if arguments.package and not IN_CLONE:
-        parser.error("--package needs a clone of the project")
+        raise ValueError("--package needs a clone of the project")
     if not (arguments.package or arguments.turbines):
-        parser.error("TURBINE must name a file, or --package be there")
+        raise ValueError("TURBINE must name a file, or --package be there")
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -21,6 +21,7 @@ from wt_gym.commands.options import (
     add_shared,
     agents_of,
     environment_of,
+    evaluation_of,
     executor_of,
 )
 from wt_gym.commands.program import UNSAFE
@@ -48,7 +49,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any] | None:
     """Run the conditions and print the table, or list them."""
-    from wt_gym.experiment.evaluation import EvaluationConfig, winds_for
     from wt_gym.experiment.robustness import CONDITIONS, FAULT_CONDITIONS, chosen, run_robustness
 
     if arguments.list:
@@ -61,11 +61,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any] | None:
         if not arguments.agents:
             raise ValueError("agents must be named, for example ipc; got none")
         conditions = chosen(arguments.conditions)
-        kwargs = environment_of(arguments)
-        winds = winds_for(arguments.env, kwargs, arguments.wind_speed, arguments.wind_seeds, None, arguments.duration)
-        config = EvaluationConfig(
-            env_id=arguments.env, env_kwargs=kwargs, winds=winds, duration=arguments.duration, skip=arguments.skip
-        )
+        config = evaluation_of(arguments, environment_of(arguments))
         results = run_robustness(
             agents_of(arguments, [arguments.reference, *arguments.agents]), config, conditions,
             folder=Path(arguments.out), overwrite=arguments.overwrite,

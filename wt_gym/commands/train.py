@@ -136,18 +136,7 @@ def parse(parser: argparse.ArgumentParser, words: list[str]) -> argparse.Namespa
 
 
 def configuration(arguments: argparse.Namespace, **fields: Any) -> TrainingConfig:
-    """Configuration of the options that were given.
-
-    Parameters
-    ----------
-    **fields
-        Of the configuration, in place of those of the options.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError, gymnasium.error.Error
-        If something is refused.
-    """
+    """Configuration of the options that were given, with some fields in place of those of the options."""
     from wt_gym.learning.hyperparameters import hyperparameters_for
     from wt_gym.learning.options import TrainingConfig
 

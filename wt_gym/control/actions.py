@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "ACTION_MODES", "COMPONENTS", "PITCH_FORMS", "RESIDUAL_FORMS", "ActionMap", "AgentSetpoint", "Demand",
-]  # fmt: skip
-
 ACTION_MODES = ("rate", "absolute", "residual")
 RESIDUAL_FORMS = ("rate", "offset")
 PITCH_FORMS = ("collective", "individual", "fixed-frame", "cyclic")
@@ -93,8 +89,6 @@ class ActionMap:
 
     Parameters
     ----------
-    turbine : Turbine
-        Its pitch system, drivetrain and nacelle set the limits.
     control_dt : float
         Control step [s].
     mode : {"rate", "absolute", "residual"}
@@ -116,19 +110,15 @@ class ActionMap:
 
     Attributes
     ----------
-    names : tuple of str
-    units : tuple of str
     low, high : numpy.ndarray, shape (n,)
         Physical value of an action component at -1 and +1.
-    size : int
     parity : numpy.ndarray, shape (n,)
         +1 or -1: sign with which each component goes into that of the mirror image, in which the rotor turns the other
         way. Only yaw changes it: pitch in the fixed frame is that of the azimuth in the sense of rotation.
-    components : tuple of str
-    has_yaw : bool
-        Whether there is a yaw component.
     takes_torque : bool
         Whether the generator takes a demand; the demand for a damper is 0.
+    spans : dict
+        By the names of the parameter `spans`.
 
     Raises
     ------
@@ -178,7 +168,7 @@ class ActionMap:
         self.max_yaw_rate = turbine.nacelle.max_yaw_rate
         drive = turbine.drivetrain
         self._most_shaft_power = RESIDUAL_OVERLOAD * drive.rated_power / (drive.gear_ratio * drive.generator_efficiency)
-        self._spans = self._chosen_spans(spans, turbine)
+        self.spans = self._chosen_spans(spans, turbine)
         self._coordinates = {
             "collective": ("pitch",),
             "individual": tuple(f"pitch_{b + 1}" for b in range(self.n_blades)),
@@ -195,6 +185,8 @@ class ActionMap:
         self.low.flags.writeable = self.high.flags.writeable = self.parity.flags.writeable = False
         # what a step needs, as numbers: arrays of three are slow
         self._ranges = list(zip(self.low.tolist(), (self.high - self.low).tolist(), strict=True))
+        limit = self.spans["torque"]
+        self._torque_ends = (-limit, limit) if mode == "residual" else self.torque_limits
         self._pitch_ends = list(zip(self.pitch_low.tolist(), self.pitch_high.tolist(), strict=True))
 
     # ---- what the components mean ----
@@ -204,21 +196,6 @@ class ActionMap:
         """True where the action is added to a base controller."""
         torque = self.takes_torque and "torque" not in self.components
         return self.mode == "residual" or "pitch" not in self.components or torque
-
-    @property
-    def pitch_rate(self) -> float:
-        """Greatest rate of the pitch [rad/s]."""
-        return self._spans["pitch_rate"]
-
-    @property
-    def torque_offset_limit(self) -> float:
-        """Greatest residual torque [N m]."""
-        return self._spans["torque"]
-
-    @property
-    def set_point_limit(self) -> float:
-        """Greatest residual set point of the rotor speed, over rated [-]."""
-        return self._spans["set_point"]
 
     @property
     def turns_with_rotor(self) -> bool:
@@ -278,9 +255,9 @@ class ActionMap:
 
     def _pitch_range(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Limits of the pitch coordinates (n_pitch,) [rad]."""
-        around = np.full(self.n_pitch, self._spans["pitch"])
+        around = np.full(self.n_pitch, self.spans["pitch"])
         if self.pitch in ("collective", "fixed-frame"):
-            around[0] = self._spans["pitch_mean"]
+            around[0] = self.spans["pitch_mean"]
         low, high = -around, around
         if self.mode != "residual":
             own = 1 if self.pitch == "fixed-frame" else self.n_pitch  # tilt and yaw lie about nothing
@@ -289,7 +266,7 @@ class ActionMap:
 
     def _rows(self, turbine: Turbine, wind_speeds: tuple[float, float] | None) -> list[tuple[str, str, float, float]]:
         """Name, unit, and value at -1 and +1 of each component."""
-        spans, rows = self._spans, []
+        spans, rows = self.spans, []
         suffix = "_offset_rate" if self.mode == "residual" else "_rate"
         torque = (f"generator_torque{suffix}", "N m/s", -spans["torque_rate"], spans["torque_rate"])
         pitch = [(f"{name}{suffix}", "rad/s", -spans["pitch_rate"], spans["pitch_rate"]) for name in self._coordinates]
@@ -368,48 +345,27 @@ class ActionMap:
 
     def decode(self, action: NDArray[np.float64], previous: AgentSetpoint) -> AgentSetpoint:
         """Setpoint at the end of the next control step, from a validated action (size,) and the setpoint before."""
-        physical = [
-            low + 0.5 * (value + 1.0) * span for value, (low, span) in zip(action.tolist(), self._ranges, strict=True)
-        ]
-        moves, dt = self.mode != "absolute", self.control_dt
-        if self.residual == "offset":
-            return self._toward(physical, previous)
-        pitch, yaw_rate, torque = previous.pitch, 0.0, previous.generator_torque
+        pairs = zip(action.tolist(), self._ranges, strict=True)
+        physical = [low + 0.5 * (value + 1.0) * span for value, (low, span) in pairs]
+        pitch, yaw_rate, torque, set_point = previous.pitch, 0.0, previous.generator_torque, previous.set_point
         if "pitch" in self.components:
-            wanted = physical[: self.n_pitch]
-            if moves:
-                wanted = [now + rate * dt for now, rate in zip(pitch.tolist(), wanted, strict=True)]
-            ends = zip(wanted, self._pitch_ends, strict=True)
-            pitch = np.array([min(max(angle, low), high) for angle, (low, high) in ends])
+            rows = zip(pitch.tolist(), physical[: self.n_pitch], self._pitch_ends, strict=True)
+            pitch = np.array([self._moved("pitch_rate", now, value, *ends) for now, value, ends in rows])
         if self.has_yaw:
             yaw_rate = physical[self.names.index("yaw_rate")]
         if "torque" in self.components:
-            wanted = physical[self._torque_at]
-            limit = self._spans["torque"]
-            low, high = (-limit, limit) if self.mode == "residual" else self.torque_limits
-            torque = min(max(torque + wanted * dt if moves else wanted, low), high)
-        if "set_point" not in self.components:
-            return AgentSetpoint(pitch, yaw_rate, torque)
-        limit = self._spans["set_point"]
-        return AgentSetpoint(pitch, yaw_rate, torque, min(max(previous.set_point + physical[-1] * dt, -limit), limit))
+            torque = self._moved("torque_rate", torque, physical[self._torque_at], *self._torque_ends)
+        if "set_point" in self.components:
+            limit = self.spans["set_point"]
+            set_point = self._moved("set_point_rate", set_point, physical[-1], -limit, limit)
+        return AgentSetpoint(pitch, yaw_rate, torque, set_point)
 
-    def _toward(self, wanted: list[float], previous: AgentSetpoint) -> AgentSetpoint:
-        """Setpoint that moves to offsets at no more than the greatest rates; of the yaw component it is the rate."""
-        spans, dt = self._spans, self.control_dt
-        pitch, yaw_rate, torque = previous.pitch, 0.0, previous.generator_torque
-        if "pitch" in self.components:
-            reach = spans["pitch_rate"] * dt
-            pairs = zip(pitch.tolist(), wanted[: self.n_pitch], strict=True)
-            pitch = np.array([now + min(max(end - now, -reach), reach) for now, end in pairs])
-        if self.has_yaw:
-            yaw_rate = wanted[self.names.index("yaw_rate")]
-        if "torque" in self.components:
-            reach = spans["torque_rate"] * dt
-            torque += min(max(wanted[self._torque_at] - torque, -reach), reach)
-        if "set_point" not in self.components:
-            return AgentSetpoint(pitch, yaw_rate, torque)
-        reach, before = spans["set_point_rate"] * dt, previous.set_point
-        return AgentSetpoint(pitch, yaw_rate, torque, before + min(max(wanted[-1] - before, -reach), reach))
+    def _moved(self, rate: str, now: float, value: float, low: float, high: float) -> float:
+        """Component at the end of a control step, from that before and the physical value of its action."""
+        if self.residual == "offset":  # it moves to the offset at no more than the greatest rate
+            reach = self.spans[rate] * self.control_dt
+            return now + min(max(value - now, -reach), reach)
+        return min(max(value if self.mode == "absolute" else now + value * self.control_dt, low), high)
 
     def demand(
         self, setpoint: AgentSetpoint, base: Demand | None = None, azimuth: float = 0.0, rotor_speed: float = 0.0

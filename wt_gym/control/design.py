@@ -51,7 +51,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -65,13 +65,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.turbines import Support, Tower, Turbine
-
-__all__ = [
-    "DesignPoint", "DriveMode", "SpeedLoop", "TowerTop", "aerodynamic_rated_power", "design_point", "drive_mode",
-    "fine_pitch", "flap_moment_sensitivity", "full_power_wind", "rated_mechanical_power", "reference_flap_moment",
-    "reference_tower_moment", "rotor_inertia", "same_rotor", "slower_than_reference", "speed_filter", "speed_loop",
-    "tower_top", "trim_pitch",
-]  # fmt: skip
 
 
 def reference_flap_moment(turbine: Turbine) -> float:
@@ -364,38 +357,35 @@ def _sensitivity(turbine: Turbine, rotor: Rotor) -> tuple[float, float]:
     return float(at_zero), float(at_zero / rise)
 
 
+def published(turbine: Turbine, name: str) -> Any:
+    """A number that a turbine's data publish of its controller (`wt_gym.turbines.ControlData`), None without."""
+    return getattr(turbine.control, name, None)
+
+
 @lru_cache(maxsize=32)
 def design_point(turbine: Turbine) -> DesignPoint:
     """Design point of a turbine: published numbers where its data have them, else by the rules of this module.
 
     The rules hold for the air for which the turbine's controller is designed.
-
-    Returns
-    -------
-    DesignPoint
     """
     turbine = at_controller_density(turbine)
-    own, rotor = turbine.control, rotor_of(turbine)
-    fine = fine_pitch(turbine)
+    rotor, fine = rotor_of(turbine), fine_pitch(turbine)
 
-    def published(name: str) -> float | None:
-        return None if own is None else getattr(own, name)
-
-    ratio = published("optimal_tip_speed_ratio") or rotor.best_ratio(fine)[0]
-    power_per_pitch, doubling = published("power_per_pitch"), published("gain_doubling_pitch")
+    ratio = published(turbine, "optimal_tip_speed_ratio") or rotor.best_ratio(fine)[0]
+    power_per_pitch, doubling = published(turbine, "power_per_pitch"), published(turbine, "gain_doubling_pitch")
     if power_per_pitch is not None and doubling is not None:
-        published_power = published("rated_mechanical_power") or rated_mechanical_power(turbine)
+        published_power = published(turbine, "rated_mechanical_power") or rated_mechanical_power(turbine)
         sensitivity = power_per_pitch / published_power
     else:
         sensitivity, doubling = _sensitivity(turbine, rotor)
     return DesignPoint(
-        peak_power_coefficient=published("peak_power_coefficient") or rotor.power_coefficient(ratio, fine),
+        peak_power_coefficient=published(turbine, "peak_power_coefficient") or rotor.power_coefficient(ratio, fine),
         tip_speed_ratio=ratio,
         fine_pitch=fine,
         pitch_sensitivity=sensitivity,
         gain_doubling_pitch=doubling,
-        damping_ratio=published("damping_ratio") or DAMPING_RATIO,
-        natural_frequency=published("natural_frequency") or speed_loop(turbine).natural_frequency,
+        damping_ratio=published(turbine, "damping_ratio") or DAMPING_RATIO,
+        natural_frequency=published(turbine, "natural_frequency") or speed_loop(turbine).natural_frequency,
     )
 
 

@@ -20,25 +20,13 @@ from scipy.optimize import brentq
 
 from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.control.design import (
-    DesignPoint,
-    design_point,
-    fine_pitch,
-    rated_mechanical_power,
-    rotor_inertia,
-    trim_pitch,
-)
-from wt_gym.control.rotor import rotor_of, rotor_table
+from wt_gym.control.design import DesignPoint, design_point, published, rated_mechanical_power, trim_pitch
+from wt_gym.control.rotor import fine_pitch, rotor_of, rotor_table
 from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
-
-__all__ = [
-    "DesignPoint", "OperatingPoint", "TorqueCurve", "design_point", "least_pitch", "operating_point",
-    "rated_mechanical_power", "rotor_inertia", "starting_point", "torque_curve", "tracks_tip_speed_ratio",
-]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -118,22 +106,18 @@ class TorqueCurve:
         TurbineDefinitionError
             If the regions do not follow one another.
         """
-        own, drivetrain = turbine.control, turbine.drivetrain
-
-        def published(name: str) -> float | None:
-            return None if own is None else getattr(own, name)
-
-        rated = published("region_3_speed") or 0.99 * drivetrain.rated_rotor_speed * drivetrain.gear_ratio
-        cut_in = published("cut_in_generator_speed") or drivetrain.min_rotor_speed * drivetrain.gear_ratio
+        drivetrain = turbine.drivetrain
+        rated = published(turbine, "region_3_speed") or 0.99 * drivetrain.rated_rotor_speed * drivetrain.gear_ratio
+        cut_in = published(turbine, "cut_in_generator_speed") or drivetrain.min_rotor_speed * drivetrain.gear_ratio
         cut_in = cut_in or 0.1 * rated
         # A rotor with a narrow speed range has no room for 30 %: region 2 then begins 10 % below the synchronous speed.
-        region_2 = published("region_2_speed") or min(1.3 * cut_in, 0.9 * rated / 1.1)
-        if published("region_2_speed") is not None and published("cut_in_generator_speed") is None:
+        region_2 = published(turbine, "region_2_speed") or min(1.3 * cut_in, 0.9 * rated / 1.1)
+        if published(turbine, "region_2_speed") is not None and published(turbine, "cut_in_generator_speed") is None:
             cut_in = min(cut_in, region_2 / 1.3)  # ROSCO's VS_MinOMSpd is the least speed of the rotor and of region 2
-        power = published("rated_mechanical_power") or rated_mechanical_power(turbine)
-        gain = published("region_2_gain") if design is None else None
+        power = published(turbine, "rated_mechanical_power") or rated_mechanical_power(turbine)
+        gain = published(turbine, "region_2_gain") if design is None else None
         if gain is not None:
-            gain *= turbine.controller_air_density / (published("air_density") or AIR_DENSITY)
+            gain *= turbine.controller_air_density / (published(turbine, "air_density") or AIR_DENSITY)
         else:
             design = design or design_point(turbine)
             radius = turbine.rotor_diameter / 2 * math.cos(turbine.hub.cone)
@@ -143,7 +127,7 @@ class TorqueCurve:
             )  # fmt: skip
         # A gain that reaches rated power at rated speed would leave no region 2 1/2: 5 % less at its end opens one.
         gain = min(gain, 0.95 * power / rated**3)
-        return cls(cut_in, region_2, rated, gain, power, published("slip") or 0.10)
+        return cls(cut_in, region_2, rated, gain, power, published(turbine, "slip") or 0.10)
 
 
 def torque_curve(turbine: Turbine) -> TorqueCurve:

@@ -37,11 +37,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "Rotor", "RotorSlopes", "RotorTable", "blade_element_table", "fine_pitch", "measured_table_path",
-    "rotor_of", "rotor_table",
-]  # fmt: skip
-
 _N_SPAN = 30
 """Sections; the power changes by less than 0.3 % with twice as many."""
 _RATIOS = np.concatenate([np.arange(1.5, 6.0, 0.5), np.arange(6.0, 12.0, 0.4), np.arange(12.0, 22.1, 1.25)])
@@ -298,18 +293,12 @@ class RotorTable:
 
     def to_json(self) -> dict[str, Any]:
         """Everything as JSON values: pitch in degrees, coefficients with five digits behind the point."""
+        plain = {name: getattr(self, name) for name in ("turbine", "radius", "air_density", "made_by")}
         coefficients = {
             name: [[round(x, 5) for x in row] for row in getattr(self, name).tolist()] for name in ("power", "thrust")
         }
-        return {
-            "turbine": self.turbine,
-            "radius": self.radius,
-            "air_density": self.air_density,
-            "made_by": self.made_by,
-            "tip_speed_ratio": self.tip_speed_ratio.tolist(),
-            "pitch_deg": np.degrees(self.pitch).round(6).tolist(),
-            **coefficients,
-        }
+        grid = {"tip_speed_ratio": self.tip_speed_ratio.tolist(), "pitch_deg": np.degrees(self.pitch).round(6).tolist()}
+        return plain | grid | coefficients
 
     @classmethod
     def from_json(cls, content: dict[str, Any]) -> RotorTable:
@@ -330,13 +319,7 @@ class RotorTable:
         return cls.from_json(json.loads(path.read_text(encoding="utf-8")))
 
     def put_into(self, path: Path) -> None:
-        """Write the table into the record of a turbine, in place of the one there.
-
-        Parameters
-        ----------
-        path : pathlib.Path
-            File of the record (`wt_gym.turbine_records`).
-        """
+        """Write the table into the record of a turbine (`wt_gym.turbine_records`), in place of the one there."""
         record = json.loads(path.read_text(encoding="utf-8"))
         path.write_text(_text({**record, "rotor_table": self.to_json()}) + "\n", encoding="utf-8")
 
@@ -363,10 +346,6 @@ def rotor_table(turbine: Turbine) -> RotorTable:
 
     Coefficients do not depend on the density of the air: at a site with another the table is that of the turbine in the
     air of its controller, with forces and torques of the site's.
-
-    Returns
-    -------
-    RotorTable
     """
     from wt_gym.simulation.contract import fingerprint
 

@@ -53,20 +53,11 @@ if TYPE_CHECKING:
 
     from wt_gym.control.controllers.discon import BaselineParameters
     from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters, WindEstimator
-    from wt_gym.control.operating_point import OperatingPoint
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "LEAST_DAMPING", "LEAST_GROWTH", "LoopMode", "LoopReport", "check_speed_loop", "check_torque_curve",
-    "checked_winds", "growing_mode", "growth", "gust_pitch_rate", "gust_speed_rise", "modes_of_loop",
-    "speed_loop_modes", "torque_loop_modes", "winds_below_rated",
-]  # fmt: skip
 
 LEAST_DAMPING = 0.15
 """Damping ratio of the rotor's mode below which a controller is warned of: a step then overshoots by more than 62 %
 [-]. The published controllers of the catalogue have 0.25 and more."""
-_PITCH = 7
-"""Row of the pitch in the state matrix."""
 MOST_SPEED_RISE = 0.25
 """Rise of the rotor speed after a gust of one standard deviation, over rated, above which a controller is warned of:
 that of the environments' overspeed limit. Published controllers of the catalogue have up to 0.18 [-]."""
@@ -96,76 +87,8 @@ def speed_loop_modes(turbine: Turbine, parameters: BaselineParameters, wind: flo
 
     A growing mode that does not oscillate has the damping -1.
     """
-    matrix, mass, inertia = _matrix(turbine, parameters, wind)
-    return modes_of_loop(matrix, wind, (0, inertia), (2, mass))
-
-
-def modes_of_loop(
-    matrix: NDArray[np.float64], wind: float, rotor: tuple[int, float], tower: tuple[int, float]
-) -> list[LoopMode]:
-    """Oscillating and growing modes of a closed loop of a state matrix (n, n) in a wind [m/s], the least damped first.
-
-    Rotor and tower are the places of the speed of the rotor and of the velocity of the tower top among the states, with
-    the inertia [kg m^2] and the mass [kg] that move with them.
-    """
-    values, vectors = np.linalg.eig(matrix)
-    modes = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        size = abs(value)
-        growing = value.real > 1e-9 * max(size, 1.0)
-        if not (value.imag > 1e-9 or (growing and abs(value.imag) <= 1e-9)):
-            continue
-        energies = [inertia * abs(vector[place]) ** 2 for place, inertia in (tower, rotor)]
-        share = energies[0] / max(sum(energies), 1e-300)
-        modes.append(LoopMode(wind, float(size), float(-value.real / size), share))
-    return sorted(modes, key=lambda mode: mode.damping)
-
-
-def _matrix(turbine: Turbine, p: BaselineParameters, wind: float) -> tuple[NDArray[np.float64], float, float]:
-    """State matrix of (speed, tower top, its velocity, filter (2), integral, delay, pitch (2)); mass and inertia."""
-    drivetrain, top = turbine.drivetrain, tower_top(turbine)
-    gear, inertia = drivetrain.gear_ratio, rotor_inertia(turbine)
-    point = operating_point(turbine, wind)
-    s = rotor_of(turbine).slopes(wind, point.rotor_speed, point.pitch)
-    kp, ki = p.pitch_law.gains(point.pitch)
-    if p.gain_table is None:
-        # the published factor stands before the integral: as the pitch moves, its change moves the demand
-        growth = point.pitch * _log_slope(p, point.pitch)
-    else:
-        growth = 0.0
-    to_rotor = gear / drivetrain.gearbox_efficiency
-    torque_slope = -point.generator_torque / (gear * point.rotor_speed) if p.constant_power else 0.0
-    a = np.zeros((9, 9))
-    a[0, 0] = (s.torque_speed - to_rotor * torque_slope * gear) / inertia
-    a[0, 2], a[0, 7] = -s.torque_wind / inertia, s.torque_pitch / inertia
-    a[1, 2] = 1.0
-    damping = 2.0 * turbine.tower.damping_ratio * top.fore_aft * top.mass + s.thrust_wind
-    a[2, 0], a[2, 1] = s.thrust_speed / top.mass, -(top.fore_aft**2)
-    a[2, 2], a[2, 7] = -damping / top.mass, s.thrust_pitch / top.mass
-    w = p.corner_frequency
-    if p.filter_damping > 0.0:
-        a[3, 4] = 1.0
-        a[4, 0], a[4, 3], a[4, 4] = w**2 * gear, -(w**2), -2.0 * p.filter_damping * w
-    else:
-        a[3, 0], a[3, 3], a[4, 4] = w * gear, -w, -1.0
-    a[5, 3] = ki
-    # demand = kp filtered + integral + growth pitch, late by a step: first-order lag of the delay of the drive
-    servo = turbine.pitch.servo_frequency
-    lag = 1.5 * INTERVAL if servo is None else INTERVAL
-    a[6, 3], a[6, 5], a[6, 6] = kp / lag, 1.0 / lag, (growth - 1.0) / lag
-    if servo is None:
-        a[7] = a[6]  # the drive follows the demand
-        a[7, 7], a[7, 6] = a[6, 6], 0.0
-        a[8, 8] = -1.0
-    else:
-        a[7, 8] = 1.0
-        a[8, 6], a[8, 7], a[8, 8] = servo**2, -(servo**2), -2.0 * turbine.pitch.servo_damping * servo
-    return a, top.mass, inertia
-
-
-def _log_slope(p: BaselineParameters, pitch: float) -> float:
-    """Relative change of the gain factor with the pitch [1/rad]."""
-    return -p.pitch_law.factor(pitch) / p.gain_doubling_pitch
+    plant = _Plant(turbine, wind, quasi_steady=True)
+    return plant.modes(plant.with_pitch_law(parameters))
 
 
 def gust_pitch_rate(turbine: Turbine, parameters: BaselineParameters, wind: float) -> float:
@@ -176,25 +99,25 @@ def gust_pitch_rate(turbine: Turbine, parameters: BaselineParameters, wind: floa
     damped.
     """
     matrix, answers = _gust_answers(turbine, parameters, wind)
-    return float(np.abs(answers @ matrix[_PITCH]).max())
+    return float(np.abs(answers @ matrix[_PLACE["pitch"]]).max())
 
 
 def gust_speed_rise(turbine: Turbine, parameters: BaselineParameters, wind: float) -> float:
     """Largest rise of the rotor speed after that step of the wind, over rated speed [-]."""
     _, answers = _gust_answers(turbine, parameters, wind)
-    return float(answers[:, 0].max()) / turbine.drivetrain.rated_rotor_speed
+    return float(answers[:, _PLACE["rotor"]].max()) / turbine.drivetrain.rated_rotor_speed
 
 
 def _gust_answers(
     turbine: Turbine, parameters: BaselineParameters, wind: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """State matrix (n, n), and states (m, n) after a step of the wind by one standard deviation, over five turns."""
-    matrix, mass, inertia = _matrix(turbine, parameters, wind)
-    point = operating_point(turbine, wind)
-    s = rotor_of(turbine).slopes(wind, point.rotor_speed, point.pitch)
+    plant = _Plant(turbine, wind, quasi_steady=True)
+    matrix = plant.with_pitch_law(parameters)
     turbulence = turbine.turbulence_class if turbine.turbulence_class in REFERENCE_INTENSITY else "B"
     gust = np.zeros(len(matrix))
-    gust[0], gust[2] = s.torque_wind / inertia, s.thrust_wind / mass
+    gust[_PLACE["rotor"]] = plant.steady.torque_wind / plant.inertia
+    gust[_PLACE["velocity"]] = plant.steady.thrust_wind / plant.top.mass
     gust *= turbulence_sigma(wind, turbulence)
     # x' = A x + b: with the input as one more state, one exponential carries the response over a step
     step = 0.05 * 2.0 * math.pi / turbine.drivetrain.rated_rotor_speed / 5.0
@@ -212,7 +135,6 @@ def _gust_answers(
 class LoopReport:
     """Result of `check_speed_loop`."""
 
-    modes: tuple[LoopMode, ...]  #: the least damped mode in each wind
     least_damped: LoopMode | None  #: of all modes that move the rotor more than the tower, and all that grow
     tower: LoopMode | None  #: the least damped of the tower
     pitch_rate: float  #: largest pitch rate after a gust over that of the drives, see `gust_pitch_rate` [-]
@@ -223,24 +145,18 @@ class LoopReport:
 @lru_cache(maxsize=64)
 def _report(turbine: Turbine, parameters: BaselineParameters) -> LoopReport:
     checked = checked_winds(turbine)
-    by_wind = [speed_loop_modes(turbine, parameters, wind) for wind in checked]
-    every = [mode for modes in by_wind for mode in modes]
+    every = [mode for wind in checked for mode in speed_loop_modes(turbine, parameters, wind)]
     speed = [mode for mode in every if mode.tower_share < 0.5 or mode.damping < 0.0]
     tower = [mode for mode in every if mode.tower_share >= 0.5]
-    winds = () if _grows(speed) else checked[:: len(checked) // 4]
+    winds = () if any(mode.damping < 0.0 for mode in speed) else checked[:: len(checked) // 4]
     rates = [gust_pitch_rate(turbine, parameters, wind) for wind in winds]
     rises = [gust_speed_rise(turbine, parameters, wind) for wind in winds]
     return LoopReport(
-        tuple(modes[0] for modes in by_wind if modes),
         min(speed, key=lambda mode: mode.damping, default=None),
         min(tower, key=lambda mode: mode.damping, default=None),
         max(rates, default=0.0) / turbine.pitch.max_rate,
         max(rises, default=0.0),
     )
-
-
-def _grows(modes: list[LoopMode]) -> bool:
-    return any(mode.damping < 0.0 for mode in modes)
 
 
 def check_speed_loop(turbine: Turbine, parameters: BaselineParameters) -> LoopReport | None:
@@ -310,6 +226,7 @@ _NAMES = (
     "integral", "torque", "delay", "pitch", "pitch_rate",
 )  # fmt: skip
 """Names of the states."""
+_PLACE = {name: place for place, name in enumerate(_NAMES)}
 _LARGEST_INDUCTION = 0.5
 
 
@@ -331,14 +248,10 @@ def torque_loop_modes(
     The parameters are those of a law that tracks the tip-speed ratio, with its estimator, or of a torque curve.
     A growing mode that does not oscillate has the damping -1.
     """
-    point = operating_point(turbine, wind)
-    plant = _Plant(turbine, wind, point)
+    plant = _Plant(turbine, wind)
     if estimator is None:
-        matrix = plant.with_torque_curve(parameters)  # type: ignore[arg-type]  # as documented
-    else:
-        matrix = plant.with_estimate(parameters, estimator)  # type: ignore[arg-type]  # as documented
-    rotor, tower = (_NAMES.index("rotor"), plant.inertia), (_NAMES.index("velocity"), plant.top.mass)
-    return modes_of_loop(matrix, wind, rotor, tower)
+        return plant.modes(plant.with_torque_curve(parameters))  # type: ignore[arg-type]  # as documented
+    return plant.modes(plant.with_estimate(parameters, estimator))  # type: ignore[arg-type]  # as documented
 
 
 def growing_mode(
@@ -382,32 +295,58 @@ def check_torque_curve(turbine: Turbine, parameters: BaselineParameters) -> None
 
 @dataclass
 class _Plant:
-    """The turbine without its controller."""
+    """The turbine without its controller; quasi-steady without the lag of the wake, and with a rigid shaft."""
 
     turbine: Turbine
     wind: float
-    point: OperatingPoint
+    quasi_steady: bool = False
 
     def __post_init__(self) -> None:
-        turbine, drivetrain = self.turbine, self.turbine.drivetrain
-        point, rotor = self.point, rotor_of(turbine)
+        turbine, drivetrain, rotor = self.turbine, self.turbine.drivetrain, rotor_of(self.turbine)
+        self.point = point = operating_point(turbine, self.wind)
         where = self.wind, point.rotor_speed, point.pitch
-        self.steady, (self.frozen, induction) = rotor.slopes(*where), rotor.frozen_torque_slopes(*where)
-        self.lag = 1.1 / (1.0 - 1.3 * min(induction, _LARGEST_INDUCTION)) * rotor.radius / self.wind
-        self.top, self.inertia = tower_top(turbine), rotor_inertia(turbine)
+        self.steady, self.top, self.inertia = rotor.slopes(*where), tower_top(turbine), rotor_inertia(turbine)
+        self.settled = np.array([self.steady.torque_wind, self.steady.torque_speed, self.steady.torque_pitch])
         self.generator = drivetrain.gear_ratio**2 * drivetrain.generator_inertia
-        reduced = 1.0 / (1.0 / self.generator + 1.0 / (self.inertia - self.generator))
-        self.rigid = math.sqrt(drivetrain.spring / reduced) > 2.0 * math.pi * _STIFFEST_SHAFT
+        self.frozen, self.lag, self.rigid = self.settled, 1.0, True
+        if not self.quasi_steady:
+            frozen, induction = rotor.frozen_torque_slopes(*where)
+            self.frozen = np.array(frozen)
+            self.lag = 1.1 / (1.0 - 1.3 * min(induction, _LARGEST_INDUCTION)) * rotor.radius / self.wind
+            reduced = 1.0 / (1.0 / self.generator + 1.0 / (self.inertia - self.generator))
+            self.rigid = math.sqrt(drivetrain.spring / reduced) > 2.0 * math.pi * _STIFFEST_SHAFT
 
-    def _open(self) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
-        """Rows that pick a state, and rates of the states without those of the controller."""
-        turbine, drivetrain, top = self.turbine, self.turbine.drivetrain, self.top
+    def modes(self, matrix: NDArray[np.float64]) -> list[LoopMode]:
+        """Oscillating and growing modes of a closed loop of a state matrix, the least damped first."""
+        values, vectors = np.linalg.eig(matrix)
+        modes = []
+        for value, vector in zip(values, vectors.T, strict=True):
+            size = abs(value)
+            growing = value.real > 1e-9 * max(size, 1.0)
+            if not (value.imag > 1e-9 or (growing and abs(value.imag) <= 1e-9)):
+                continue
+            tower = self.top.mass * abs(vector[_PLACE["velocity"]]) ** 2
+            share = tower / max(tower + self.inertia * abs(vector[_PLACE["rotor"]]) ** 2, 1e-300)
+            modes.append(LoopMode(self.wind, float(size), float(-value.real / size), share))
+        return sorted(modes, key=lambda mode: mode.damping)
+
+    def _open(
+        self, torque_slope: float | None = None
+    ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
+        """Rows that pick a state, and rates of the states without those of the controller.
+
+        With a slope the torque follows the generator speed at once [N m/(rad/s)].
+        """
+        drivetrain, top, steady = self.turbine.drivetrain, self.top, self.steady
         x = dict(zip(_NAMES, np.eye(len(_NAMES)), strict=True))
-        frozen, steady = np.array(self.frozen), self.steady
-        settled = np.array([steady.torque_wind, steady.torque_speed, steady.torque_pitch])
-        inputs = np.array([-x["velocity"], x["rotor"], x["pitch"]])
-        air, load = frozen @ inputs + x["wake"], drivetrain.gear_ratio / drivetrain.gearbox_efficiency * x["torque"]
         rates = {name: -row for name, row in x.items()}  # what a controller does not use decays
+        if torque_slope is not None:
+            x["torque"] = torque_slope * drivetrain.gear_ratio * x["rotor"]
+        inputs = np.array([-x["velocity"], x["rotor"], x["pitch"]])
+        air, load = (
+            self.frozen @ inputs + x["wake"],
+            drivetrain.gear_ratio / drivetrain.gearbox_efficiency * x["torque"],
+        )
         if self.rigid:
             rates["rotor"] = (air - load) / self.inertia
         else:
@@ -415,11 +354,10 @@ class _Plant:
             rates["rotor"] = (air - shaft) / (self.inertia - self.generator)
             rates["generator"] = (shaft - load) / self.generator
             rates["twist"] = x["rotor"] - x["generator"]
-        rates["wake"] = ((settled - frozen) @ inputs - x["wake"]) / self.lag
+        rates["wake"] = ((self.settled - self.frozen) @ inputs - x["wake"]) / self.lag
         thrust = np.array([steady.thrust_wind, steady.thrust_speed, steady.thrust_pitch]) @ inputs
-        rates["position"] = x["velocity"]
-        structure = 2.0 * turbine.tower.damping_ratio * top.fore_aft * x["velocity"] + top.fore_aft**2 * x["position"]
-        rates["velocity"] = thrust / top.mass - structure
+        rates["position"], damping = x["velocity"], 2.0 * self.turbine.tower.damping_ratio * top.fore_aft
+        rates["velocity"] = thrust / top.mass - (damping * x["velocity"] + top.fore_aft**2 * x["position"])
         return x, rates
 
     def _shaft_speed(self, x: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -434,6 +372,27 @@ class _Plant:
             rates["filter"], rates["filter_rate"] = x["filter_rate"], corner**2 * (speed - x["filter"]) - damping
         else:
             rates["filter"] = corner * (speed - x["filter"])
+
+    def _follow(self, x: dict[str, Any], rates: dict[str, Any], demand: Any, growth: float = 0.0) -> None:
+        """Pitch drive behind a demand that is late by a step, and grows with the pitch itself."""
+        drive, servo = self.turbine.pitch, self.turbine.pitch.servo_frequency
+        if servo is None:
+            rates["pitch"] = (demand + (growth - 1.0) * x["pitch"]) / (1.5 * INTERVAL)
+            return
+        rates["delay"] = (demand + (growth - 1.0) * x["delay"]) / INTERVAL
+        rates["pitch"], damping = x["pitch_rate"], 2.0 * drive.servo_damping * servo * x["pitch_rate"]
+        rates["pitch_rate"] = servo**2 * (x["delay"] - x["pitch"]) - damping
+
+    def with_pitch_law(self, p: BaselineParameters) -> NDArray[np.float64]:
+        """State matrix with the pitch law on the filtered generator speed, and torque that holds power or itself."""
+        point, gear = self.point, self.turbine.drivetrain.gear_ratio
+        x, rates = self._open(-point.generator_torque / (gear * point.rotor_speed) if p.constant_power else 0.0)
+        self._filter(x, rates, p)
+        proportional, rates["integral"] = (gain * x["filter"] for gain in p.pitch_law.gains(point.pitch))
+        # the published factor stands before the integral: as the pitch moves, its change moves the demand
+        log_slope = 0.0 if p.gain_table is not None else -p.pitch_law.factor(point.pitch) / p.gain_doubling_pitch
+        self._follow(x, rates, proportional + x["integral"], point.pitch * log_slope)
+        return np.array([rates[name] for name in _NAMES])
 
     def with_torque_curve(self, p: BaselineParameters) -> NDArray[np.float64]:
         """State matrix with a torque over the filtered generator speed and a pitch that rests."""
@@ -471,14 +430,7 @@ class _Plant:
         rates["torque"] = (p.torque_gain * error + x["integral"] - x["torque"]) / self._torque_delay
         least = np.interp([wind - steps[0], wind + steps[0]], p.schedule_wind, p.schedule_pitch)
         demand = float(least[1] - least[0]) / (2.0 * steps[0]) * x["wind"]
-        servo = self.turbine.pitch.servo_frequency
-        if servo is None:
-            rates["pitch"] = (demand - x["pitch"]) / (1.5 * INTERVAL)
-        else:
-            rates["delay"] = (demand - x["delay"]) / INTERVAL
-            rates["pitch"] = x["pitch_rate"]
-            damping = 2.0 * self.turbine.pitch.servo_damping * servo
-            rates["pitch_rate"] = servo**2 * (x["delay"] - x["pitch"]) - damping * x["pitch_rate"]
+        self._follow(x, rates, demand)
         return np.array([rates[name] for name in _NAMES])
 
     @property

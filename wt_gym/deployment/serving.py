@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.layout import EnvLayout
 
-__all__ = ["OwnSetPoints", "ServedAgent", "answers_of", "check_expressible"]
-
 _log = logging.getLogger(__name__)
 _NOT_RUN = {
     "controller": "discon", "start": "steady", "sensor_noise": 0.0, "relative_reward": False, "episode_length": None,
@@ -63,19 +61,17 @@ def answers_of(
     ----------
     choice : str
         A trained agent, a class of yours with ``predict`` or with ``update_setpoints``, ``"zero"`` or ``"random"``.
-    env_id : str, optional
-        Environment of a class or word, by default `DEFAULT_ENV`; that of a trained agent is the one of its training.
-    turbine : str, optional
-        Of a class or word.
+    env_id, turbine : str, optional
+        Environment, by default `DEFAULT_ENV`, and turbine of a class or word; those of a trained agent are the ones of
+        its training.
     lead : float, optional
         As of `ServedAgent`.
 
     Raises
     ------
-    wt_gym.base.errors.ControllerError
-        For a controller, or an agent for which ROSCO's interface has no room.
-    ValueError
-        If there is no such agent, or an environment is given to one that has its own.
+    wt_gym.base.errors.ControllerError, ValueError
+        For a controller, or an agent for which ROSCO's interface has no room; if there is no such agent, or an
+        environment is given to one that has its own.
     """
     name = read_name(choice)
     if name.kind == "trained":
@@ -292,7 +288,7 @@ class _Turbine:
                 _log.error("turbine %d: ROSCO acts alone from now on: %s", self._number, error)
                 self._refused = True
         if missing or self._refused:
-            most = self._action.pitch_rate * hold
+            most = self._action.spans["pitch_rate"] * hold
             self._present = self._present - np.clip(self._present, -most, most)
         return self._points(hold)
 

@@ -18,7 +18,7 @@ from wt_gym.control.controllers.names import ALIASES, BASELINE, make_controller
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.envs import rewards
 from wt_gym.envs.channels import DEFAULT_GROUPS, RESIDUAL_GROUPS
-from wt_gym.envs.dial import DialCourse, DialTerm
+from wt_gym.envs.dial import DialCourse, DialTerm, dial_of
 from wt_gym.envs.episode_start import EpisodeStarts, RunningStart
 from wt_gym.envs.faults import FaultTerm, check_faults
 from wt_gym.envs.layout import EnvLayout
@@ -47,27 +47,14 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.options import EnvOptions
     from wt_gym.envs.terms import RewardTerm
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
 
-__all__ = ["Parts", "build"]
-
 
 class Parts:
-    """Parts of an environment, made by `build`, and views of them.
-
-    Attributes
-    ----------
-    terms : dict of str to Term
-        Features of the environment that are on.
-    sensors : str
-        "agent" or "all": who reads late, noisy and shifted sensors.
-    made_of : callable
-        Makes an environment of arguments.
-    to_reward : callable
-        From the reward and its terms to what a step returns.
-    """
+    """Parts of an environment, made by `build`, and views of them."""
 
     options: EnvOptions
     turbine: Turbine
@@ -77,21 +64,25 @@ class Parts:
     reward_terms: tuple[RewardTerm, ...]
     control_dt: float
     fidelity: str | Fidelity
-    sensors: str
+    sensors: str  #: "agent" or "all": who reads late, noisy and shifted sensors
     operation: Operation
     observer: Observer
     costs: Costs
     idle: IdleClock
     layout: EnvLayout
+    observation_names: np.ndarray
+    observation_units: np.ndarray
+    action_names: np.ndarray
+    action_units: np.ndarray
     starts: EpisodeStarts
-    terms: dict[str, Term]
-    to_reward: Callable[[float, dict[str, float]], float | np.ndarray]
+    terms: dict[str, Term]  #: features of the environment that are on
+    to_reward: Callable[[float, dict[str, float]], float | np.ndarray]  #: of the sum of the terms, and the terms
     reward_names: tuple[str, ...]
     reward_space: spaces.Box
     render_mode: str | None
     outer_steps: int | None
     make_simulator: SimulatorMaker
-    made_of: Callable[..., Parts]
+    made_of: Callable[..., WindTurbineEnv]  #: makes an environment of arguments
     spec: EnvSpec | None
     _running: bool
 
@@ -135,44 +126,9 @@ class Parts:
         return self.operation.setpoint
 
     @property
-    def termination_penalty(self) -> float:
-        """Penalty subtracted on termination."""
-        return self.limits.penalty
-
-    @property
-    def overspeed_limit(self) -> float:
-        """Highest rotor speed over rated."""
-        return self.limits.overspeed
-
-    @property
-    def standstill_limit(self) -> float:
-        """Lowest rotor speed over rated."""
-        return self.limits.standstill
-
-    @property
-    def observation_names(self) -> np.ndarray:
-        """Name of every component of an observation."""
-        return np.array(self.layout.observation.names)
-
-    @property
-    def observation_units(self) -> np.ndarray:
-        """Unit of what every component of an observation stands for, "-" for none."""
-        return np.array([channel.unit for channel in self.layout.observation.channels])
-
-    @property
-    def action_names(self) -> np.ndarray:
-        """Name of every component of an action."""
-        return np.array(self.layout.action.names)
-
-    @property
-    def action_units(self) -> np.ndarray:
-        """Unit of what every component of an action stands for."""
-        return np.array(self.layout.action.units)
-
-    @property
     def dial(self) -> dict[str, float] | None:
         """Factors on the weights of the reward that hold for the next step, by name; None without a dial."""
-        term = cast("DialTerm | None", self.terms.get("dial"))
+        term = dial_of(self)
         return None if term is None or term.course is None else cast("dict[str, float]", term.info()["dial"])
 
     def set_dial(self, **factors: float) -> None:
@@ -190,7 +146,7 @@ class Parts:
         gymnasium.error.ResetNeeded
             If no episode is running.
         """
-        term = cast("DialTerm | None", self.terms.get("dial"))
+        term = dial_of(self)
         if term is None:
             raise ValueError("the environment must have dial_weights to turn its dial, got None")
         turned = DialCourse.of(factors).factors[0]
@@ -208,15 +164,17 @@ def build(env: Parts, options: EnvOptions) -> None:
         If options have no meaning together.
     """
     env.options, env.control_dt, env.render_mode = options, options.control_dt, options.render_mode
-    env.turbine = turbine = _turbine(options)
+    turbine = options.turbine if isinstance(options.turbine, Turbine) else load_turbine(options.turbine)
+    turbine, _ = with_generator(with_site(turbine, options.site), options.generator)
+    electrical, losses = options.electrical, LossShares() if options.electrical.loss_map else None
+    turbine = with_electrical(turbine, electrical.torque_lag, losses, electrical.shaft_damping)
+    env.turbine = turbine
     check_variation(options.variation, options.wind, options.turbine, options.simulator)
     check_faults(options.faults, options.simulator, turbine)
     env.wind = WindSampler(turbine, options.wind)
-    limits = options.limits
+    limits, penalty = options.limits, options.rewards.termination_penalty
     standstill = standstill_limit(limits.standstill, turbine, env.wind.parks)
-    env.limits = Limits(
-        turbine.drivetrain.rated_rotor_speed, limits.overspeed, standstill, options.rewards.termination_penalty
-    )  # fmt: skip
+    env.limits = Limits(turbine.drivetrain.rated_rotor_speed, limits.overspeed, standstill, penalty)
     env.reward_terms = rewards.compose(options.rewards.terms)
     env.fidelity = choose_fidelity(turbine, options.fidelity)
     step, count = _inner_steps(env)
@@ -227,17 +185,24 @@ def build(env: Parts, options: EnvOptions) -> None:
         turbine, env.control_dt, chosen.mode, chosen.pitch, chosen.components, chosen.spans, env.wind.speeds,
         pitch_delay(turbine.pitch, step), chosen.residual,
     )  # fmt: skip
-    controller = _controller(options, turbine, action)
+    base = options.controller.base
+    runs = action.needs_controller or base not in (BASELINE, *ALIASES)
+    controller = copy.deepcopy(make_controller(base, turbine)) if runs else None  # no two environments share its memory
     lidar = LidarTerm(turbine.rotor_diameter, options.observations.lidar, controller)
     residual = _residual_pitch(options, turbine, action)
     env.operation = Operation(
-        turbine, action, controller, residual, lidar.lidar, env.fidelity, step, count, _simulator_maker(env)
+        turbine, action, controller, residual, lidar.lidar, env.fidelity, (step, count), _simulator_maker(env)
     )  # fmt: skip
     env.terms = _terms(env, lidar, step)
     delay = _build_observer(env)
     env.layout = EnvLayout(
         turbine, env.observer.layout, action, env.control_dt, delay, lidar.lidar, env.observer.washed
     )  # fmt: skip
+    channels = env.observer.layout.channels
+    env.observation_names, env.observation_units = (
+        np.array([getattr(c, of) for c in channels]) for of in ("name", "unit")
+    )
+    env.action_names, env.action_units = np.array(action.names), np.array(action.units)
     spaces_of = cast(Any, env)  # declared by the environment, in whose other base they have a wider type
     spaces_of.action_space = spaces.Box(-1.0, 1.0, (action.size,), np.float32)
     spaces_of.observation_space = spaces.Box(env.observer.layout.low, env.observer.layout.high, dtype=np.float32)
@@ -253,15 +218,6 @@ def build(env: Parts, options: EnvOptions) -> None:
     )  # fmt: skip
 
 
-def _turbine(options: EnvOptions) -> Turbine:
-    """Turbine of the options at its site, with its generator and converter."""
-    turbine = options.turbine if isinstance(options.turbine, Turbine) else load_turbine(options.turbine)
-    turbine, _ = with_generator(with_site(turbine, options.site), options.generator)
-    electrical = options.electrical
-    losses = LossShares() if electrical.loss_map else None
-    return with_electrical(turbine, electrical.torque_lag, losses, electrical.shaft_damping)
-
-
 def _inner_steps(env: Parts) -> tuple[float, int]:
     """Step of the simulator [s], and number of such steps in a control step."""
     step = fidelity_of(env.fidelity).step_for(env.turbine.drivetrain.rated_rotor_speed)
@@ -274,22 +230,13 @@ def _inner_steps(env: Parts) -> tuple[float, int]:
     return step, count
 
 
-def _controller(options: EnvOptions, turbine: Turbine, action: ActionMap) -> Controller | None:
-    """Base controller, a copy: no two environments share its memory."""
-    base = options.controller.base
-    if action.needs_controller or base not in (BASELINE, *ALIASES):
-        return copy.deepcopy(make_controller(base, turbine))
-    return None
-
-
 def _residual_pitch(options: EnvOptions, turbine: Turbine, action: ActionMap) -> ResidualPitch | None:
     """Filters of residual pitch, if there is such a pitch and any filter."""
-    chosen = options.controller
     try:
-        above = AboveRated.of_turbine(turbine, chosen.residual_fade)
+        above = AboveRated.of_turbine(turbine, options.controller.residual_fade)
     except ValueError as error:
         raise ValueError(f"residual_{error}") from error
-    residual = ResidualPitch(above, chosen.residual_washout, action.n_mean)
+    residual = ResidualPitch(above, options.controller.residual_washout, action.n_mean)
     has_pitch = action.mode == "residual" and "pitch" in action.components
     return residual if has_pitch and (residual.fades or residual.washes) else None
 
@@ -351,12 +298,12 @@ def _running_start(env: Parts) -> RunningStart | None:
     """Starts of the running turbine, None where episodes start steadily."""
     if env.options.start == "steady" or env.wind.parks:
         return None
-    references = cast("PowerReferenceTerm | None", env.terms.get("power_reference"))
-    level = 1.0 if references is None else references.mean_share(env.turbine.cut_out)
+    references = env.terms.get("power_reference")
+    level = references.mean_share(env.turbine.cut_out) if isinstance(references, PowerReferenceTerm) else 1.0
     return RunningStart(env.turbine, env.fidelity, env.limits.overspeed, level)
 
 
-def _twin(env: Parts) -> Parts:
+def _twin(env: Parts) -> WindTurbineEnv:
     """The turbine under the base controller alone, simulated as this one: it gets the winds that are drawn here."""
     options, turbine, limits = env.options, env.turbine, env.limits
     observed = options.observations

@@ -30,17 +30,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.turbines import Turbine
 
-__all__ = ["canary_of", "control_step", "environment_canary"]
-
-MakeEnv: TypeAlias = "Callable[..., Any]"
-"""Makes a `wt_gym.envs.turbine_env.WindTurbineEnv` of its arguments: that class, which stands above this module."""
-_STEP = 0.1
-"""Control step of the episodes of a large turbine [s]."""
-_SAMPLES = 4
-"""Samples of a signal in an episode."""
+MakeEnv: TypeAlias = "Callable[..., WindTurbineEnv]"
+"""Makes an environment of its arguments: that class, which stands above this module."""
+_STEP = 0.1  # Control step of the episodes of a large turbine [s]
+_SAMPLES = 4  # Samples of a signal in an episode
 _SIGNALS = (
     "rotor_speed", "generator_power", "aero_thrust", "pitch", "root_flap_moment", "tower_base_fore_aft_moment",
     "tower_top_side_side",
@@ -54,27 +51,13 @@ _CONTROLLERS = (
 
 
 def canary_of(turbine: Turbine, fidelity: str | Fidelity, make: MakeEnv) -> Canary:
-    """Canary of the environment, from the cache or measured.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    fidelity : str or Fidelity
-    make : MakeEnv
-    """
+    """Canary of the environment, from the cache or measured."""
     key = fingerprint(turbine, fidelity_of(fidelity), user_record_digest(turbine))
     return cached_canary("environment", key, lambda: environment_canary(turbine, fidelity, make))
 
 
 def environment_canary(turbine: Turbine, fidelity: str | Fidelity, make: MakeEnv) -> Canary:
-    """Measure the canary of the environment.
-
-    Parameters
-    ----------
-    turbine : Turbine
-    fidelity : str or Fidelity
-    make : MakeEnv
-    """
+    """Measure the canary of the environment."""
     canary = {f"draws/{name}": canary_text(numbers) for name, numbers in (_winds(turbine) | _faults(turbine)).items()}
     for name, (time, arguments, options) in _episodes(turbine).items():
         try:
@@ -180,9 +163,9 @@ def _demands(run: _Run) -> Canary:
             if k == 0:
                 controller.start(readings, demand)
             demand = controller.step(readings, env.control_dt)
-        canary[f"controllers/{name} pitch"] = canary_text(np.broadcast_to(demand.pitch, turbine.n_blades))
-        canary[f"controllers/{name} torque"] = canary_text([demand.generator_torque])
-        canary[f"controllers/{name} yaw rate"] = canary_text([demand.yaw_rate])
+        rows: dict[str, Iterable[float]] = {"torque": [demand.generator_torque], "yaw rate": [demand.yaw_rate]}
+        rows["pitch"] = np.broadcast_to(demand.pitch, turbine.n_blades)
+        canary |= {f"controllers/{name} {of}": canary_text(numbers) for of, numbers in rows.items()}
     return canary
 
 
@@ -193,31 +176,15 @@ def control_step(turbine: Turbine, fidelity: str | Fidelity) -> float:
 
 
 class _Run:
-    """Short episode with actions that change from step to step.
+    """Short episode of a time [s] with actions that change from step to step."""
 
-    Parameters
-    ----------
-    env : wt_gym.envs.turbine_env.WindTurbineEnv
-    time : float
-        Length [s].
-    options : dict
-        Of the reset.
+    def __init__(self, env: WindTurbineEnv, time: float, options: dict[str, Any]):
 
-    Attributes
-    ----------
-    env : WindTurbineEnv
-    signals : list of Signals
-    observations : list of numpy.ndarray
-    outcomes : list of (float, float, bool)
-        Reward, cost and termination of each step.
-    """
-
-    def __init__(self, env: Any, time: float, options: dict[str, Any]):
         self.env = env
         observation, _ = env.reset(seed=1, options=options)
         self.observations: list[NDArray[np.float32]] = [observation]
         self.signals: list[Signals] = [env.signals]
-        self.outcomes: list[tuple[float, float, bool]] = []
+        self.outcomes: list[tuple[float, float, bool]] = []  # reward, cost and termination of each step
         rng, size = np.random.default_rng(2), env.layout.action.size
         for _ in range(round(time / env.control_dt)):
             observation, reward, terminated, _, info = env.step(rng.uniform(-1.0, 1.0, size))
@@ -233,11 +200,8 @@ class _Run:
         at = np.unique(np.linspace(0, len(self.signals) - 1, _SAMPLES).astype(int))
         steps = np.unique(np.linspace(0, len(self.outcomes) - 1, 2 * _SAMPLES).astype(int))
         reward, cost, terminated = np.array(self.outcomes, dtype=np.float64).T
-        rows = {name: np.array([self.signals[k][name] for k in at]) for name in _SIGNALS}
-        return {name: canary_text(values.ravel()) for name, values in rows.items()} | {
-            "reward": canary_text(reward[steps]),
-            "return": canary_text([reward.sum()]),
-            "cost": canary_text([cost.sum()]),
-            "terminated": canary_text([terminated.sum(), len(terminated)]),
-            "observation": canary_text(self.observations[-1]),
-        }
+        rows = {name: np.array([self.signals[k][name] for k in at]).ravel() for name in _SIGNALS} | {
+            "reward": reward[steps], "return": [reward.sum()], "cost": [cost.sum()],
+            "terminated": [terminated.sum(), len(terminated)], "observation": self.observations[-1],
+        }  # fmt: skip
+        return {name: canary_text(values) for name, values in rows.items()}

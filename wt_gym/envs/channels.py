@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,11 +28,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "DEFAULT_GROUPS", "OBSERVATION_GROUPS", "RESIDUAL_GROUPS", "Computed", "FromSignals", "InFixedFrame",
-    "Observable", "Observed", "Sensors", "Situation", "blade_static_moment",
-]  # fmt: skip
-
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
     "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances", "model_fit",
@@ -53,17 +48,13 @@ _WASHED_SCALES = {"root_edge_moment_mean": 0.4, "root_edge_moment_tilt": 0.3, "r
 
 
 class Sensors:
-    """Sensors with a memory: wind vane, anemometer, wind estimator, pitch for its rate.
+    """Sensors with a memory: wind vane, anemometer, wind estimator, pitch for its rate."""
 
-    Attributes
-    ----------
-    wind_speed, yaw_error : float
-        Filtered readings of the nacelle's anemometer and vane [m/s, rad].
-    pitch, pitch_before : list of float
-        Of each blade now and a control step before [rad].
-    dt : float
-        Length of that step [s], infinite before the first one.
-    """
+    wind_speed: float  #: filtered reading of the nacelle's anemometer [m/s]
+    yaw_error: float  #: filtered reading of the nacelle's vane [rad]
+    pitch: list[float]  #: of each blade now [rad]
+    pitch_before: list[float]  #: and a control step before [rad]
+    dt: float  #: length of that step [s], infinite before the first one
 
     def __init__(self, estimator: WindEstimator | None = None):
         self.estimator: Any = estimator
@@ -88,89 +79,41 @@ class Sensors:
 
 
 class Situation:
-    """All that can be observed at an instant; the readers of channels take it.
+    """All that can be observed at an instant of an `wt_gym.envs.operation.Operation`; readers of channels take it."""
 
-    Attributes
-    ----------
-    operation : wt_gym.envs.operation.Operation
-        Has demands, set points, base controller, lidar and power reference.
-    signals : Signals
-        Readings of the agent.
-    action : numpy.ndarray, shape (n_act,)
-        The last one.
-    offsets : numpy.ndarray or None, shape (n_signals,)
-        Of the sensors, at a start.
-    """
-
-    signals: Signals
-    action: np.ndarray
-    offsets: np.ndarray | None = None
+    signals: Signals  #: readings of the agent
+    action: np.ndarray  #: shape (n_act,), the last one
+    offsets: np.ndarray | None = None  #: shape (n_signals,), of the sensors, at a start
 
     def __init__(self, operation: Any, sensors: Sensors):
+
         self.operation, self.sensors = operation, sensors
 
 
 @dataclass(frozen=True)
-class FromSignals:
-    """Value of a signal of the simulator, by its name."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class InFixedFrame:
-    """Coordinate of a signal of the blades in the frame that does not turn.
+class Observed:
+    """A channel and how it is read: a signal of the simulator, a coordinate of one in the fixed frame, or computed.
 
     Attributes
     ----------
     signal : str
-        Without the number of the blade.
-    part : int
+        Of the simulator; with a ``part`` without the number of the blade.
+    part : int, optional
         Place in `wt_gym.control.sensors.FIXED_FRAME`.
-    """
-
-    signal: str
-    part: int
-
-
-@dataclass(frozen=True)
-class Computed:
-    """Value of a function of a `Situation`, or one of several values that it gives at once.
-
-    Attributes
-    ----------
-    function : callable
-        At the top level of a module, so that an observer can be pickled.
+    function : callable, optional
+        Of a `Situation`, at the top level of a module, so that an observer can be pickled.
     index : int, optional
-        Place among the values.
-    estimates : bool
-        It needs the wind estimator.
-    """
-
-    function: Callable[[Situation], Any]
-    index: int | None = None
-    estimates: bool = False
-
-
-Reader: TypeAlias = FromSignals | InFixedFrame | Computed
-
-
-@dataclass(frozen=True)
-class Observed:
-    """A channel with its reader.
-
-    Attributes
-    ----------
-    circular : bool
-        It is a direction: with noise it is wrapped around the circle.
-    washed : bool
-        It passes a high-pass filter.
+        Place among the values that the function gives at once.
     """
 
     channel: Channel
-    reader: Reader
-    circular: bool = False
-    washed: bool = False
+    signal: str = ""
+    part: int | None = None
+    function: Callable[[Situation], Any] | None = None
+    index: int | None = None
+    estimates: bool = False  #: the function needs the wind estimator
+    circular: bool = False  #: it is a direction: with noise it is wrapped around the circle
+    washed: bool = False  #: it passes a high-pass filter
 
 
 def _mean(of_blades: Sequence[float] | np.ndarray) -> float:
@@ -248,11 +191,8 @@ _rotor_wind = attrgetter("sensors.estimator.wind")
 _previous_action = attrgetter("action")
 _pitch_demands, _torque_demand = attrgetter("operation.demand.pitch"), attrgetter("operation.demand.generator_torque")
 _controller_torque = attrgetter("operation.base.generator_torque")
-_pitch_offsets, _torque_offset = (
-    attrgetter("operation.setpoint.pitch"),
-    attrgetter("operation.setpoint.generator_torque"),
-)
-_set_point_offset = attrgetter("operation.setpoint.set_point")
+_pitch_offsets, _set_point_offset = attrgetter("operation.setpoint.pitch"), attrgetter("operation.setpoint.set_point")
+_torque_offset = attrgetter("operation.setpoint.generator_torque")
 _residual_share, _residual_mean = attrgetter("operation.residual.share"), attrgetter("operation.residual.mean")
 
 
@@ -311,7 +251,8 @@ class Observable:
         Parameters
         ----------
         choice : sequence of str
-            Groups and single channels, as of `wt_gym.envs.observations.Observer`.
+            `OBSERVATION_GROUPS` and single channels, in any order; groups come in the order of that tuple, then
+            single channels as named.
 
         Raises
         ------
@@ -370,37 +311,30 @@ class Observable:
         Those of a rotor that turns clockwise. The channel of the mean pitch stands for the pitch of each blade.
         """
         rows = [*self._rotor(), *self._power(), *self._blades(), *self._tower(), *self._more()]
-        found = {one.reader.name: one.channel for one in rows if isinstance(one.reader, FromSignals)}
-        found |= {one.channel.name: one.channel for one in self._every_fixed_frame() if one.reader.part == 0}  # type: ignore[union-attr]
+        found = {one.signal: one.channel for one in rows if one.signal}
+        found |= {one.channel.name: one.channel for one in self._every_fixed_frame() if one.part == 0}
         found |= {one.channel.name: one.channel for one in self._wind()}
         pitch = self._pitch_forms()[0][0].channel
         return found | {f"pitch_{b + 1}": pitch for b in range(self._turbine.n_blades)}
 
     def _as_it_turns(self, observed: Observed) -> Observed:
         """Odd channel with the offset and range of a turbine of this rotation."""
-        channel = observed.channel
-        if channel.parity == EVEN or self._turbine.rotation == "clockwise":
+        c = observed.channel
+        if c.parity == EVEN or self._turbine.rotation == "clockwise":
             return observed
-        turned = replace(channel, offset=0.0 - channel.offset, low=-channel.high, high=-channel.low)
-        return replace(observed, channel=turned)
+        return replace(observed, channel=replace(c, offset=0.0 - c.offset, low=-c.high, high=-c.low))
 
     # ---- channels; scales are the standard deviations under the baseline controller in turbulence of class B ----
 
     def _signal(self, name: str, *row: Any) -> Observed:
         """A signal of the simulator; the row is that of `Channel` behind the name, from the unit to the description."""
-        return Observed(replace(Channel(name, *row), parity=self._parities[name]), FromSignals(name))
+        return Observed(replace(Channel(name, *row), parity=self._parities[name]), name)
 
     def _computed(
-        self,
-        parity: int,
-        function: Callable[[Situation], Any],
-        name: str,
-        *row: Any,
-        index: int | None = None,
-        estimates: bool = False,
-        circular: bool = False,
+        self, function: Callable[[Situation], Any], name: str, *row: Any, parity: int = EVEN, **reading: Any
     ) -> Observed:
-        return Observed(replace(Channel(name, *row), parity=parity), Computed(function, index, estimates), circular)
+        """A function of the situation; the row is that of `Channel` behind the name, the rest goes to `Observed`."""
+        return Observed(replace(Channel(name, *row), parity=parity), function=function, **reading)
 
     def _per_blade(self, function: Callable[[Situation], Any] | None, name: str, *row: Any) -> list[Observed]:
         """The same channel for every blade; without a function the signal of that name."""
@@ -408,7 +342,7 @@ class Observable:
         rows = [(f"{name}_{b + 1}", *numbers, f"{text}, blade {b + 1}") for b in range(self._turbine.n_blades)]
         if function is None:
             return [self._signal(*each) for each in rows]
-        return [self._computed(EVEN, function, *each, index=b) for b, each in enumerate(rows)]
+        return [self._computed(function, *each, index=b) for b, each in enumerate(rows)]
 
     def _rotor(self) -> list[Observed]:
         drivetrain = self._turbine.drivetrain
@@ -424,24 +358,22 @@ class Observable:
     def _power(self) -> list[Observed]:
         power = self._turbine.drivetrain.rated_power
         middle, scale, limit = self._torque_row()
+        row = ("W", 0.8 * power, 0.25 * power, -power, 2 * power, 5e-3 * power, "electrical power")
+        torque = ("N m", middle, scale, -limit, 2 * limit, 0.02 * scale, "generator torque, HSS")
         return [
-            self._signal("generator_power", "W", 0.8 * power, 0.25 * power, -power, 2 * power, 5e-3 * power,
-                         "electrical power"),
-            self._signal("generator_torque", "N m", middle, scale, -limit, 2 * limit, 0.02 * scale,
-                         "generator torque, HSS"),
+            self._signal("generator_power", *row),
+            self._signal("generator_torque", *torque),
             *self._torque_demand(_torque_demand, "generator_torque_demand", "demanded generator torque, HSS"),
-        ]  # fmt: skip
+        ]
 
     def _torque_demand(self, function: Callable[[Situation], Any], name: str, text: str) -> list[Observed]:
         """A demand for torque, where the generator takes one."""
-        if not self._action.takes_torque:
-            return []
         middle, scale, limit = self._torque_row()
-        return [self._computed(EVEN, function, name, "N m", middle, scale, 0.0, limit, 0.0, text)]
+        row = (name, "N m", middle, scale, 0.0, limit, 0.0, text)
+        return [self._computed(function, *row)] if self._action.takes_torque else []
 
     def _pitch(self) -> list[Observed]:
-        mean, each = self._pitch_forms()
-        return mean if self._action.pitch == "collective" else each
+        return self._pitch_forms()[self._action.pitch != "collective"]
 
     def _pitch_forms(self) -> tuple[list[Observed], list[Observed]]:
         """Pitch as the mean of the blades and of each."""
@@ -456,21 +388,17 @@ class Observable:
             (_mean_pitch_demand, _pitch_demands, "pitch_demand", "rad", 0.1, 0.1, low, high, 0.0,
              "demanded blade pitch"),
         )  # fmt: skip
-        mean = [self._computed(EVEN, of_all, *row[:-1], f"{row[-1]}, mean of the blades") for of_all, _, *row in rows]
+        mean = [self._computed(of_all, *row[:-1], f"{row[-1]}, mean of the blades") for of_all, _, *row in rows]
         return mean, [channel for _, of_one, *row in rows for channel in self._per_blade(of_one, *row)]
 
     def _wind(self) -> list[Observed]:
-        return [
-            self._computed(EVEN, _wind_speed, "wind_speed", "m/s", 12.0, 4.0, 0.0, 60.0, 0.2,
-                           "nacelle anemometer, filtered over 1 s"),
-            self._computed(ODD, _yaw_error, "yaw_error", "rad", 0.0, 0.1, -math.pi, math.pi, 0.02,
-                           "wind vane, filtered over 5 s", circular=True),
-        ]  # fmt: skip
+        speed = ("wind_speed", "m/s", 12.0, 4.0, 0.0, 60.0, 0.2, "nacelle anemometer, filtered over 1 s")
+        error = ("yaw_error", "rad", 0.0, 0.1, -math.pi, math.pi, 0.02, "wind vane, filtered over 5 s")
+        return [self._computed(_wind_speed, *speed), self._computed(_yaw_error, *error, parity=ODD, circular=True)]
 
     def _wind_estimate(self) -> list[Observed]:
         text = "rotor-effective wind, estimated from rotor speed, torque and pitch"
-        row = ("rotor_wind", "m/s", 12.0, 4.0, 0.0, 60.0, 0.0, text)
-        return [self._computed(EVEN, _rotor_wind, *row, estimates=True)]
+        return [self._computed(_rotor_wind, "rotor_wind", "m/s", 12.0, 4.0, 0.0, 60.0, 0.0, text, estimates=True)]
 
     def _blade_rows(self) -> tuple[tuple[Any, ...], ...]:
         """Name, unit, offset and scale of a blade, offset and scale of mean and of tilt and yaw, reference, text."""
@@ -484,13 +412,11 @@ class Observable:
         )
 
     def _blades(self) -> list[Observed]:
-        return [channel for row in self._blade_rows() for channel in self._of_each_blade(*row)]
+        return [channel for name, *_ in self._blade_rows() for channel in self._of_each_blade(name)]
 
-    def _of_each_blade(
-        self, name: str, unit: str, of_blade: tuple[float, float], _: Any, __: Any, size: float, text: str
-    ) -> list[Observed]:
-        """A signal of every blade, from a row of `_blade_rows`."""
-        middle, scale = of_blade
+    def _of_each_blade(self, signal: str) -> list[Observed]:
+        """A signal of `_blade_rows` of every blade."""
+        name, unit, (middle, scale), _, _, size, text = next(row for row in self._blade_rows() if row[0] == signal)
         reach = 20 * size if name == "root_edge_moment" else 10 * size
         return self._per_blade(None, name, unit, middle * size, scale * size, -reach, reach, 0.01 * size, text)
 
@@ -503,113 +429,100 @@ class Observable:
 
     def _fixed_frame_of(self, signal: str) -> list[Observed]:
         """Mean, tilt and yaw of a signal; the azimuth counts in the sense of rotation, hence all are even."""
-        (row,) = [row for row in self._blade_rows() if row[0] == signal]
-        name, unit, _, mean, cyclic, size, text = row
-        reach = 20 * size
+        name, unit, _, mean, cyclic, size, text = next(row for row in self._blade_rows() if row[0] == signal)
         channels = []
         for k, (part, (middle, scale)) in enumerate(zip(FIXED_FRAME, (mean, cyclic, cyclic), strict=True)):
-            row = (unit, middle * size, scale * size, -reach, reach, 0.005 * size, f"{text}, {part} of the blades")
-            channels.append(Observed(Channel(f"{name}_{part}", *row), InFixedFrame(name, k)))
+            row = (unit, middle * size, scale * size, -20 * size, 20 * size, 0.005 * size)
+            channel = Channel(f"{name}_{part}", *row, f"{text}, {part} of the blades")
+            channels.append(Observed(channel, name, k))
         return channels
 
     def _out_of_plane(self) -> list[Observed]:
         """Out-of-plane root moments, of each blade and in the fixed frame: what other codes' controllers measure."""
-        size = reference_flap_moment(self._turbine)
-        reach, text = 10 * size, "out-of-plane root moment of the blade that does not pitch"
-        row = ("N m", 0.5 * size, 0.2 * size, -reach, reach, 0.01 * size, text)
+        size, text = reference_flap_moment(self._turbine), "out-of-plane root moment of the blade that does not pitch"
+        row = ("N m", 0.5 * size, 0.2 * size, -10 * size, 10 * size, 0.01 * size, text)
         channels = self._per_blade(out_of_plane_moments, "root_out_of_plane_moment", *row)
         for k, (part, middle, scale) in enumerate(zip(FIXED_FRAME, (0.5, 0.07, 0.0), (0.15, 0.1, 0.1), strict=True)):
-            row = ("N m", middle * size, scale * size, -2 * reach, 2 * reach, 0.005 * size, f"{text}, {part}")
+            row = ("N m", middle * size, scale * size, -20 * size, 20 * size, 0.005 * size, f"{text}, {part}")
             name = f"root_out_of_plane_moment_{part}"
-            channels.append(self._computed(EVEN, _out_of_plane_fixed_frame, name, *row, index=k))
+            channels.append(self._computed(_out_of_plane_fixed_frame, name, *row, index=k))
         return channels
 
     def _tower(self) -> list[Observed]:
-        height = self._turbine.hub_height
-        reach, rows = 0.1 * height, (("fore_aft", 3.1e-3, 9e-4, 0.11), ("side_side", -5e-4, 2.5e-4, 0.065))
-        displacement = [
-            self._signal(f"tower_top_{axis}", "m", middle * height, scale * height, -reach, reach, 5e-5 * height,
-                         f"tower-top position {axis.replace('_', '-')}")
-            for axis, middle, scale, _ in rows
-        ]  # fmt: skip
-        acceleration = [
-            self._signal(f"nacelle_acceleration_{axis}", "m/s^2", 0.0, scale, -20.0, 20.0, 0.01,
-                         f"nacelle acceleration {axis.replace('_', '-')}")
-            for axis, _, _, scale in rows
-        ]  # fmt: skip
+        h, displacement, acceleration = self._turbine.hub_height, [], []
+        for axis, middle, scale, rate in (("fore-aft", 3.1e-3, 9e-4, 0.11), ("side-side", -5e-4, 2.5e-4, 0.065)):
+            row = ("m", middle * h, scale * h, -0.1 * h, 0.1 * h, 5e-5 * h, f"tower-top position {axis}")
+            name = axis.replace("-", "_")
+            displacement.append(self._signal(f"tower_top_{name}", *row))
+            row = ("m/s^2", 0.0, rate, -20.0, 20.0, 0.01, f"nacelle acceleration {axis}")
+            acceleration.append(self._signal(f"nacelle_acceleration_{name}", *row))
         return displacement + acceleration
 
     def _azimuth(self) -> list[Observed]:
+        row, text = ("-", 0.0, 0.7, -1.0, 1.0, 0.0), "of the azimuth of blade 1 (0 = up)"
         return [
-            self._computed(EVEN, function, f"azimuth_{name}", "-", 0.0, 0.7, -1.0, 1.0, 0.0,
-                           f"{text} of the azimuth of blade 1 (0 = up)")
-            for name, text, function in (("sin", "sine", _azimuth_sin), ("cos", "cosine", _azimuth_cos))
-        ]  # fmt: skip
+            self._computed(_azimuth_sin, "azimuth_sin", *row, f"sine {text}"),
+            self._computed(_azimuth_cos, "azimuth_cos", *row, f"cosine {text}"),
+        ]
 
     def _controller(self) -> list[Observed]:
         if not self._action.needs_controller:
             return []
-        low, high = self._action.pitch_limits
-        return [
-            self._computed(EVEN, _controller_pitch, "controller_pitch", "rad", 0.1, 0.1, low, high, 0.0,
-                           "pitch that the base controller demands"),
-            *self._torque_demand(_controller_torque, "controller_torque", "torque that it demands, HSS"),
-        ]  # fmt: skip
+        row = ("rad", 0.1, 0.1, *self._action.pitch_limits, 0.0, "pitch that the base controller demands")
+        torque = self._torque_demand(_controller_torque, "controller_torque", "torque that it demands, HSS")
+        return [self._computed(_controller_pitch, "controller_pitch", *row), *torque]
 
     def _offsets(self) -> list[Observed]:
-        if self._action.mode != "residual":
+        action, channels = self._action, []
+        if action.mode != "residual":
             return []
-        channels = []
-        if "pitch" in self._action.components:
-            limit = self._action.pitch_high
+        if "pitch" in action.components:
+            limits, text = action.pitch_high[: action.n_pitch], "residual pitch, coordinate {} of the action"
             channels += [
-                self._computed(EVEN, _pitch_offsets, f"pitch_offset_{k + 1}", "rad", 0.0, 0.5 * limit[k],
-                               -limit[k], limit[k], 0.0, f"residual pitch, coordinate {k + 1} of the action", index=k)
-                for k in range(self._action.n_pitch)
+                self._computed(_pitch_offsets, f"pitch_offset_{k}", "rad", 0.0, 0.5 * limit, -limit, limit, 0.0,
+                               text.format(k), index=k - 1)
+                for k, limit in enumerate(limits, start=1)
             ]  # fmt: skip
-        if "torque" in self._action.components:
-            most = self._action.torque_offset_limit
-            row = ("torque_offset", "N m", 0.0, 0.5 * most, -most, most, 0.0, "residual torque")
-            channels.append(self._computed(EVEN, _torque_offset, *row))
-        if "set_point" in self._action.components:
-            most = self._action.set_point_limit
-            row = ("set_point_offset", "-", 0.0, 0.5 * most, -most, most, 0.0, "residual set point of the rotor speed")
-            channels.append(self._computed(EVEN, _set_point_offset, *row))
+        for component, unit, function, text in (
+            ("torque", "N m", _torque_offset, "residual torque"),
+            ("set_point", "-", _set_point_offset, "residual set point of the rotor speed"),
+        ):
+            if component in action.components:
+                limit = action.spans[component]
+                row = (f"{component}_offset", unit, 0.0, 0.5 * limit, -limit, limit, 0.0, text)
+                channels.append(self._computed(function, *row))
         return channels
 
     def _dead_band(self) -> list[Observed]:
         if self._yaw_drive is None or not self._action.needs_controller:
             return []
-        scale = 0.5 * self._yaw_drive.dead_band
+        scale, text = 0.5 * self._yaw_drive.dead_band, "direction in which the base controller turns the nacelle"
+        error = ("dead_band_error", "rad", 0.0, scale, -math.pi, math.pi, 0.0,
+                 "yaw error behind the slow filter of the base controller's dead band")  # fmt: skip
         return [
-            self._computed(ODD, _dead_band, "dead_band_error", "rad", 0.0, scale, -math.pi, math.pi, 0.0,
-                           "yaw error behind the slow filter of the base controller's dead band", index=0,
-                           circular=True),
-            self._computed(ODD, _dead_band, "dead_band_turning", "-", 0.0, 1.0, -1.0, 1.0, 0.0,
-                           "direction in which the base controller turns the nacelle", index=1),
-        ]  # fmt: skip
+            self._computed(_dead_band, *error, parity=ODD, index=0, circular=True),
+            self._computed(_dead_band, "dead_band_turning", "-", 0.0, 1.0, -1.0, 1.0, 0.0, text, parity=ODD, index=1),
+        ]
 
     def _states(self) -> list[Observed]:
         """Channel of each state of the supervisor, its mean wind, set point and load."""
         if self._supervisor is None or not self._action.needs_controller:
             return []
-        rows: tuple[tuple[Any, ...], ...] = (
-            *(
-                (f"state_{name}", "-", 0.0, 1.0, 0.0, 1.0, 0.0,
-                 f"1 in the state {name.replace('_', ' ')} of the base controller, else 0")
-                for name in STATES
-            ),
-            ("mean_wind", "m/s", 15.0, 8.0, 0.0, 60.0, 0.0,
-             "mean wind by which the base controller starts, stops and is held back"),
+        wind = "mean wind by which the base controller starts, stops and is held back"
+        rows = [
+            *((f"state_{name}", "-", 0.0, 1.0, 0.0, 1.0, 0.0,
+               f"1 in the state {name.replace('_', ' ')} of the base controller, else 0") for name in STATES),
+            ("mean_wind", "m/s", 15.0, 8.0, 0.0, 60.0, 0.0, wind),
             ("set_point", "-", 1.0, 0.2, 0.0, 1.0, 0.0, "set point of the rotor speed over rated"),
             ("load_share", "-", 1.0, 0.5, 0.0, 1.0, 0.0, "share of the torque that a start-up has reached"),
-        )  # fmt: skip
-        return [self._computed(EVEN, _states, *row, index=k) for k, row in enumerate(rows)]
+        ]  # fmt: skip
+        return [self._computed(_states, *row, index=k) for k, row in enumerate(rows)]
 
     def _previous_action(self) -> list[Observed]:
+        row, parities = ("-", 0.0, 1.0, -1.0, 1.0, 0.0), self._action.parity.tolist()
         return [
-            self._computed(int(self._action.parity[k]), _previous_action, f"previous_{name}", "-", 0.0,
-                           1.0, -1.0, 1.0, 0.0, f"last action, component {name}", index=k)
+            self._computed(_previous_action, f"previous_{name}", *row, f"last action, component {name}",
+                           parity=int(parities[k]), index=k)
             for k, name in enumerate(self._action.names)
         ]  # fmt: skip
 
@@ -620,10 +533,9 @@ class Observable:
         actions are those of each blade.
         """
         still = self._action.mode == "residual" and self._action.pitch != "individual" and self._turbine.n_blades > 2
-        rows = {row[0]: row for row in self._blade_rows()}
-        moments = []
+        of_blades, moments = self._fixed_frame_of if still else self._of_each_blade, []
         for name in ("root_flap_moment", "root_edge_moment"):
-            moments += self._fixed_frame_of(name) if still else self._of_each_blade(*rows[name])
+            moments += of_blades(name)
         accelerations = [one for one in self._tower() if one.channel.name.startswith("nacelle_acceleration")]
         return [
             *self._rotor(), *self._power(), *self._pitch(), *self._wind(), *moments, *accelerations, *self._azimuth(),
@@ -634,56 +546,47 @@ class Observable:
         """Results of the linear optimal pitch of the base controller from its readings."""
         if self._linear is None:
             return []
-        step = self._linear.design.interval
+        design, text = self._linear.design, "pitch that the linear optimal pitch asks for"
         rows: list[tuple[Any, ...]] = [
             (f"disturbance_{name}_{k + 1}", "-", 0.0, 1.0, -20.0, 20.0, 0.0,
-             f"disturbance of {name}, over its scale, mean of {first * step:g} to {last * step:g} s ago")
+             f"disturbance of {name}, over its scale, mean of {first * design.interval:g} to "
+             f"{last * design.interval:g} s ago")
             for name in OUTPUTS for k, (first, last) in enumerate(self._linear.bins)
         ]  # fmt: skip
-        limit, text = 10.0 * self._linear.design.limit, "that the linear optimal pitch asks for"
-        rows += [
-            (f"linear_pitch_{name}", "rad", 0.0, math.radians(1.0), -limit, limit, 0.0, f"{name} pitch {text}")
-            for name in FIXED_FRAME
-        ]
-        low, high = self._action.pitch_limits
-        rows += [
-            ("linear_pitch_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, "share in which the linear optimal pitch acts"),
-            ("linear_pitch_schedule", "rad", 0.1, 0.1, low, high, 0.0, "slow pitch that chooses between its designs"),
-        ]
-        return [self._computed(EVEN, _disturbances, *row, index=k) for k, row in enumerate(rows)]
+        limit, row = 10.0 * design.limit, (0.0, math.radians(1.0))
+        rows += [(f"linear_pitch_{name}", "rad", *row, -limit, limit, 0.0, f"{name} {text}") for name in FIXED_FRAME]
+        share, schedule = "share in which the linear optimal pitch acts", "slow pitch that chooses between its designs"
+        rows.append(("linear_pitch_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, share))
+        rows.append(("linear_pitch_schedule", "rad", 0.1, 0.1, *self._action.pitch_limits, 0.0, schedule))
+        return [self._computed(_disturbances, *row, index=k) for k, row in enumerate(rows)]
 
     def _model_fit(self) -> list[Observed]:
         """Fit of the model of the linear optimal pitch, where readings are late, drives slow or gauges dead."""
         if self._linear is None:
             return []
-        n, first = len(OUTPUTS), len(OUTPUTS) * len(self._linear.bins) + len(FIXED_FRAME) + 2
-        rows: list[tuple[Any, ...]] = [
-            (f"model_gain_{name}", "-", -0.7, 0.5, -20.0, 20.0, 0.0, f"gain that the model of {name} leaves out")
+        first = len(OUTPUTS) * len(self._linear.bins) + len(FIXED_FRAME) + 2
+        rows = [
+            (f"model_{part}_{name}", unit, middle, scale, -limit, limit, 0.0,
+             f"{part} that the model of {name} leaves out")
+            for part, unit, middle, scale, limit in (("gain", "-", -0.7, 0.5, 20.0), ("lag", "s", 0.1, 0.1, 10.0))
             for name in OUTPUTS
-        ]
-        rows += [
-            (f"model_lag_{name}", "s", 0.1, 0.1, -10.0, 10.0, 0.0, f"lag that the model of {name} leaves out")
-            for name in OUTPUTS
-        ]
-        return [self._computed(EVEN, _disturbances, *rows[k], index=first + k) for k in range(2 * n)]
+        ]  # fmt: skip
+        return [self._computed(_disturbances, *row, index=k) for k, row in enumerate(rows, start=first)]
 
     def _more(self) -> list[Observed]:
         """Channels of no group."""
-        moment = reference_tower_moment(self._turbine)
-        acting = []
+        moment, channels = reference_tower_moment(self._turbine), []
         if self._fades:
-            text = "share of residual pitch that acts"
-            row: tuple[Any, ...] = ("residual_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, text)
-            acting.append(self._computed(EVEN, _residual_share, *row))
+            row: tuple[Any, ...] = ("-", 0.5, 0.5, 0.0, 1.0, 0.0, "share of residual pitch that acts")
+            channels.append(self._computed(_residual_share, "residual_share", *row))
         if self._washes:
             limit = 2.0 * float(self._action.pitch_high[0])
-            text = "mean of the blades' residual pitch that acts"
-            row = ("residual_mean", "rad", 0.0, 0.25 * limit, -limit, limit, 0.0, text)
-            acting.append(self._computed(EVEN, _residual_mean, *row))
-        return [
-            *acting,
-            self._signal("tower_base_fore_aft_moment", "N m", 0.55 * moment, 0.15 * moment, -10 * moment, 10 * moment,
-                         0.005 * moment, "tower-base moment, positive for a downwind push"),
-            self._signal("tower_base_side_side_moment", "N m", 0.055 * moment, 0.04 * moment, -10 * moment, 10 * moment,
-                         0.005 * moment, "tower-base moment about the wind's direction"),
-        ]  # fmt: skip
+            row = ("rad", 0.0, 0.25 * limit, -limit, limit, 0.0, "mean of the blades' residual pitch that acts")
+            channels.append(self._computed(_residual_mean, "residual_mean", *row))
+        for axis, middle, scale, text in (
+            ("fore_aft", 0.55, 0.15, "tower-base moment, positive for a downwind push"),
+            ("side_side", 0.055, 0.04, "tower-base moment about the wind's direction"),
+        ):
+            row = ("N m", middle * moment, scale * moment, -10 * moment, 10 * moment, 0.005 * moment, text)
+            channels.append(self._signal(f"tower_base_{axis}_moment", *row))
+        return channels

@@ -9,7 +9,7 @@ it; those to come are not known to an agent.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self, cast
@@ -19,18 +19,14 @@ import numpy as np
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Options, option, option_record, options_of, real_number, shown
 from wt_gym.control import Channel
-from wt_gym.envs.channels import Computed, Observed
+from wt_gym.envs.channels import Observed
 from wt_gym.envs.terms import Term
 
 if TYPE_CHECKING:
+    from wt_gym.envs.builder import Parts
     from wt_gym.envs.channels import Situation
     from wt_gym.envs.operation import Operation
     from wt_gym.envs.terms import Beginning, Request
-
-__all__ = [
-    "DIALED", "DIAL_NAMES", "DRAWN", "LEAST_FACTOR", "MOST_FACTOR", "DialCourse", "DialOptions", "DialTerm",
-    "constant_factors", "dial_of", "dialed", "factor_of", "scaled",
-]  # fmt: skip
 
 DIAL_NAMES = ("fatigue", "power", "travel")
 """Names of the factors, in the order of columns and channels."""
@@ -115,7 +111,7 @@ class DialOptions(Options):
 _WEIGHTS = options_of(DialOptions)[0]
 
 
-def dial_of(env: Any) -> DialTerm | None:
+def dial_of(env: Parts) -> DialTerm | None:
     """Dial of an environment, None without one."""
     return cast("DialTerm | None", env.terms.get("dial"))
 
@@ -138,25 +134,12 @@ def scaled(factors: Iterable[float]) -> tuple[float, ...]:
     return tuple(size * factor for factor in numbers)
 
 
-def dialed(terms: Mapping[str, float], factors: Sequence[float]) -> dict[str, float]:
-    """Reward terms times their factors."""
-    return {name: factor_of(name, factors) * value for name, value in terms.items()}
-
-
 @dataclass(frozen=True)
 class DialCourse:
-    """Factors over time, each row holding up to the next.
+    """Factors over time, each row holding up to the next."""
 
-    Attributes
-    ----------
-    times : tuple of float
-        Rising [s].
-    factors : tuple of tuple of float
-        In the order of `DIAL_NAMES`, a row a time, with the sum of their number.
-    """
-
-    times: tuple[float, ...]
-    factors: tuple[tuple[float, ...], ...]
+    times: tuple[float, ...]  #: Rising [s]
+    factors: tuple[tuple[float, ...], ...]  #: In the order of `DIAL_NAMES`, a row a time, with the sum of their number
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # never changes
@@ -167,8 +150,8 @@ class DialCourse:
 
     def changed(self, time: float, factors: tuple[float, ...]) -> DialCourse:
         """Course that is this one before a time [s] and holds other factors from then on."""
-        rows = [k for k, begin in enumerate(self.times) if begin < time]
-        return DialCourse((*(self.times[k] for k in rows), time), (*(self.factors[k] for k in rows), factors))
+        k = bisect_left(self.times, time)
+        return DialCourse((*self.times[:k], time), (*self.factors[:k], factors))
 
     @classmethod
     def of(cls, weights: Any) -> Self:
@@ -182,16 +165,7 @@ class DialCourse:
 
 
 class DialTerm(Term):
-    """Dial of an environment.
-
-    Parameters
-    ----------
-    options : DialOptions
-        With weights.
-    terms : iterable of str
-        Names of the terms of the reward.
-    operation : Operation
-        Has the time.
+    """Dial of an environment, of options with weights, names of reward terms, and the operation, which has the time.
 
     Raises
     ------
@@ -203,8 +177,7 @@ class DialTerm(Term):
     remembered = ("course",)
 
     def __init__(self, options: DialOptions, terms: Iterable[str], operation: Operation):
-        names = tuple(terms)
-        if not any(term in _KIND for term in names):
+        if not _KIND.keys() & (names := tuple(terms)):
             raise ValueError(f"dial_weights needs one of the reward terms {', '.join(_KIND)}, got {', '.join(names)}")
         self._options, self._operation = options, operation
         self.course: DialCourse | None = None
@@ -260,7 +233,8 @@ class DialTerm(Term):
 
     def adjust(self, _: float, terms: dict[str, float], __: int, time: float) -> tuple[float, dict[str, float]]:
         """Multiply the terms of a step by the factors of its beginning."""
-        terms = dialed(terms, cast("DialCourse", self.course).at(time))
+        factors = cast("DialCourse", self.course).at(time)
+        terms = {name: factor_of(name, factors) * value for name, value in terms.items()}
         return float(sum(terms.values())), terms
 
     def info(self) -> dict[str, Any]:
@@ -269,16 +243,9 @@ class DialTerm(Term):
 
     def groups(self) -> dict[str, list[Observed]]:
         """Present factors; not those to come."""
-        text = "binary logarithm of the factor on the weight of {} in the reward"
-        return {
-            "dial": [
-                Observed(
-                    Channel(f"dial_{name}", "-", 0.0, 1.0, -12.0, 2.0, 0.0, text.format(name)),
-                    Computed(self.logarithms, k),
-                )
-                for k, name in enumerate(DIAL_NAMES)
-            ]
-        }
+        row, text = ("-", 0.0, 1.0, -12.0, 2.0, 0.0), "binary logarithm of the factor on the weight of {} in the reward"
+        channels = [Channel(f"dial_{name}", *row, text.format(name)) for name in DIAL_NAMES]
+        return {"dial": [Observed(one, function=self.logarithms, index=k) for k, one in enumerate(channels)]}
 
     def logarithms(self, _: Situation) -> list[float]:
         """Binary logarithms of the present factors."""

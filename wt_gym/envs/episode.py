@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     import gymnasium as gym
 
-__all__ = ["Agent", "EpisodeStep", "episode_steps"]
-
 
 class Agent(Protocol):
     """Anything with stable-baselines3's ``predict``."""

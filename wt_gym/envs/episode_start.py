@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
-__all__ = ["DRAW_ORDER", "FEATURE_OPTIONS", "EpisodeStarts", "RunningStart"]
-
 DRAW_ORDER = ("variation", "wind", "start", "power_reference", "fault", "dial")
 """Order of the draws of an episode: another one would give every seed another episode."""
 FEATURE_OPTIONS = {"power_reference": "power_reference", "fault": "fault_kinds", "dial": "dial_weights"}
@@ -54,13 +52,10 @@ RESET_OPTIONS = (
     "wind_speed", "wind_seed", "time_offset", "inflow", "rotor_speed", "pitch", "azimuth", "yaw", "generator_torque",
     "faults", "start_number", *FEATURE_OPTIONS,
 )  # fmt: skip
-_FIRST_START = 40_000_000
-"""Seed of the random numbers of a numbered beginning, beside its number."""
+_FIRST_START = 40_000_000  # Seed of the random numbers of a numbered beginning, beside its number
 _log = logging.getLogger(__name__)
-_STEADY = 1e-3
-"""Range of the wind before the start, over its mean, up to which it is steady."""
-_HIGHEST = 0.97
-"""Rotor speed over that at which an episode ends, beyond which none begins."""
+_STEADY = 1e-3  # Range of the wind before the start, over its mean, up to which it is steady
+_HIGHEST = 0.97  # Rotor speed over that at which an episode ends, beyond which none begins
 
 
 class EpisodeStarts:
@@ -157,14 +152,12 @@ class EpisodeStarts:
 
     def _draw_wind(self, request: Request) -> None:
         """Draw the wind of an episode."""
-        options = request.options
+        options, winds = request.options, request.winds
         chosen = {name: options[name] for name in _WIND if name in options}
         if "inflow" in options:
-            request.wind = request.winds.given(options["inflow"], **chosen)
+            request.wind = winds.given(options["inflow"], **chosen)
         else:
-            request.wind = request.winds.sample(
-                request.rng, **chosen, length=request.length, heading=request.yaw
-            )  # fmt: skip
+            request.wind = winds.sample(request.rng, **chosen, length=request.length, heading=request.yaw)
 
     def _draw_start(self, request: Request) -> None:
         """Draw the start of the running turbine, or a steady one where there is none or an option fixes it.
@@ -226,27 +219,12 @@ class RunningStart:
         Demanded power over the power that the wind allows [-].
     """
 
-    def __init__(
-        self,
-        turbine: Turbine,
-        fidelity: str | Fidelity,
-        overspeed_limit: float,
-        level: float = 1.0,
-    ):
+    def __init__(self, turbine: Turbine, fidelity: str | Fidelity, overspeed_limit: float, level: float = 1.0):
         self._turbine, self._fidelity, self._level = turbine, fidelity, level
         self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
 
     def draw(self, wind: EpisodeWind, yaw: float, rng: np.random.Generator, azimuth: float | None) -> Start | None:
-        """Draw a start.
-
-        Parameters
-        ----------
-        yaw : float
-            Nacelle yaw [rad].
-        rng : numpy.random.Generator
-            One number is drawn of it.
-        azimuth : float, optional
-            Of blade 1 [rad]; by default that of the record.
+        """Draw a start, by one random number, with an azimuth of blade 1 [rad], by default that of the record.
 
         Returns
         -------
@@ -273,8 +251,7 @@ class RunningStart:
     def _speed(self, wind: EpisodeWind, yaw: float) -> float | None:
         """Mean speed of the turbulence before the start [m/s]; None where the wind does not change, or has no past.
 
-        Of turbulence made here it is that of the episode. Other winds are asked: those that are known to have a wind
-        at any time.
+        Of turbulence made here it is that of the episode. Other winds are asked.
         """
         if not isinstance(wind.inflow, PointInflow):
             return None

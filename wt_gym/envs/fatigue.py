@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "BladeFatigue", "Damage", "Load", "RainflowCounter", "TowerForeAftFatigue", "TowerSideSideFatigue",
-]  # fmt: skip
-
 
 class RainflowCounter:
     """Damage of a load by rainflow cycles, after every sample exactly that of the history so far.
@@ -80,17 +76,12 @@ class RainflowCounter:
         points = self.turning_points
         return self.closed + 0.5 * sum(self._damage(abs(b - a)) for a, b in itertools.pairwise(points))
 
-    def equivalent_load(self, duration: float) -> float:
-        """Damage-equivalent load at 1 Hz over a duration [s], in the unit of the load."""
-        if not duration > 0.0:
-            raise ValueError(f"duration must be positive, got {duration!r} s")
-        return float(self.scale * (self.damage / duration) ** (1.0 / self.exponent))
-
     def _damage(self, span: float) -> float:
         """Damage of one full cycle [-]."""
         return float((span / self.scale) ** self.exponent)
 
 
+@dataclass(eq=False)
 class BladeFatigue:
     """Penalty on the flapwise root moments freed of their mean: blade by blade and in the fixed frame.
 
@@ -111,30 +102,24 @@ class BladeFatigue:
         Of the high-pass filter [s]; the load of one turn passes.
     """
 
-    begins_with_means = True
-
-    def __init__(
-        self,
-        weight: float = 1.5,
-        scale: float = 0.35,
-        fixed_frame: float = 0.5,
-        time_constant: float = 10.0,
-        name: str = "blade_fatigue",
-    ):
-        self.weight, self.scale, self.fixed_frame = weight, scale, fixed_frame
-        self.time_constant, self.name = time_constant, name
-        self._started = False
+    weight: float = 1.5
+    scale: float = 0.35
+    fixed_frame: float = 0.5
+    time_constant: float = 10.0
+    name: str = "blade_fatigue"
+    begins_with_means: ClassVar[bool] = True
+    _filters: list[HighPass] = field(default_factory=list, init=False)
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode with the mean moment of all blades, of the signals given, as the mean of each."""
-        self._started, n = True, turbine.n_blades
+        n = turbine.n_blades
         mean = sum(signals["root_flap_moment"].tolist()) / n
         self._filters = [HighPass(self.time_constant, mean) for _ in range(n)]
         self._reference = self.scale * reference_flap_moment(turbine)
 
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
-        if not self._started:
+        if not self._filters:
             self.reset(transition.turbine, transition.before)
         after, dt = transition.after, transition.dt
         measured = after["root_flap_moment"].tolist()  # numbers one by one: arrays of three are slow
@@ -234,6 +219,7 @@ def default_loads(turbine: Turbine) -> tuple[Load, ...]:
     return (*blades, fore_aft, Load("tower_base_side_side_moment", TOWER_EXPONENT, 0.04 * tower, 1 / 3))
 
 
+@dataclass(eq=False)
 class Damage:
     """Penalty on the fatigue damage that a step adds, by exact rainflow counting.
 
@@ -257,30 +243,26 @@ class Damage:
         By channel, of the present episode.
     """
 
-    def __init__(self, weight: float = 0.0, loads: Sequence[Load] | None = None, name: str = "damage"):
-        self.weight, self.name = weight, name
-        self._given = None if loads is None else tuple(loads)
-        self._started = False
-
-    @property
-    def worst_rate(self) -> float:
-        """Lower bound of the rate [1/s]: there is none."""
-        return -math.inf
+    weight: float = 0.0
+    loads: Sequence[Load] | None = None
+    name: str = "damage"
+    counters: dict[str, RainflowCounter] = field(default_factory=dict, init=False)
+    worst_rate: ClassVar[float] = -math.inf
+    """Lower bound of the rate [1/s]: there is none."""
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode with the first sample."""
-        self._started = True
-        self.loads = default_loads(turbine) if self._given is None else self._given
+        self.loads = default_loads(turbine) if self.loads is None else self.loads
         self.counters = {load.channel: RainflowCounter(load.exponent, load.reference) for load in self.loads}
         self._take(signals)
         self.damage = 0.0
 
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
-        if not self._started:
+        if not self.counters:
             self.reset(transition.turbine, transition.before)
         self._take(transition.after)
-        damage = sum(load.share * self.counters[load.channel].damage for load in self.loads)
+        damage = sum(load.share * self.counters[load.channel].damage for load in self.loads or ())
         grown, self.damage = damage - self.damage, damage
         return -self.weight * grown / transition.dt
 

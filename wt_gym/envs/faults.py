@@ -51,8 +51,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation.drivetrain.faults import DriveFault
     from wt_gym.turbines import Turbine
 
-__all__ = ["FAULT_KINDS", "NO_FAULT", "SIZES", "SIZE_RANGES", "FaultOptions", "FaultTerm", "check_faults"]
-
 NO_FAULT, ALL = "none", "all"
 """Kind of an episode in which nothing breaks, and what stands for all kinds."""
 FAULT_KINDS = (
@@ -62,14 +60,16 @@ FAULT_KINDS = (
 """Kinds of faults of the turbine."""
 GRID_KINDS = ("voltage_dip",)
 """Kinds of faults of the grid; "all" does not stand for it."""
+_KNOWN = (*FAULT_KINDS, *GRID_KINDS)
+
 SIZES = ("train", "held_back")
 """Ranges that the sizes of faults are drawn from."""
 
 
 def _checked_kinds(kinds: str | tuple[str, ...]) -> tuple[str, ...]:
-    names, known = FAULT_KINDS if kinds == ALL else as_tuple(kinds), (*FAULT_KINDS, *GRID_KINDS)
-    if wrong := [name for name in names if name not in known]:
-        raise ValueError(f"must be among {', '.join(known)}, got {shown(wrong[0])}{did_you_mean(wrong[0], known)}")
+    names = FAULT_KINDS if kinds == ALL else as_tuple(kinds)
+    if wrong := [name for name in names if name not in _KNOWN]:
+        raise ValueError(f"must be among {', '.join(_KNOWN)}, got {shown(wrong[0])}{did_you_mean(wrong[0], _KNOWN)}")
     return not_empty(names)
 
 
@@ -131,27 +131,13 @@ _CHANNELS = {
 
 @dataclass(frozen=True)
 class DrawnFault:
-    """Fault of an episode.
+    """Fault of an episode."""
 
-    Attributes
-    ----------
-    kind : str
-        Of `FAULT_KINDS`.
-    blade : int
-        From 1 on; means nothing for faults of no blade.
-    time : float
-        [s].
-    size : float
-        See `SIZE_RANGES`; 0 where a kind has none.
-    faults : tuple
-        Of `wt_gym.simulation.drivetrain.faults`.
-    """
-
-    kind: str
-    blade: int
-    time: float
-    size: float
-    faults: tuple[DriveFault | SensorBias, ...]
+    kind: str  #: Of `FAULT_KINDS`
+    blade: int  #: From 1 on; means nothing for faults of no blade
+    time: float  #: [s]
+    size: float  #: See `SIZE_RANGES`; 0 where a kind has none
+    faults: tuple[DriveFault | SensorBias, ...]  #: Of `wt_gym.simulation.drivetrain.faults`
 
     @property
     def ice(self) -> BladeIce | None:
@@ -184,12 +170,10 @@ class FaultTerm(Term):
             request.plant = replace(request.plant, ice=fault.ice)
 
     def drawn(self, rng: np.random.Generator, choice: Any = None) -> DrawnFault:
-        """Fault of an episode.
+        """Fault of an episode; one number of the generator is drawn, whatever breaks.
 
         Parameters
         ----------
-        rng : numpy.random.Generator
-            One number is drawn of it, whatever breaks.
         choice : str or mapping, optional
             Kind, or ``kind``, ``blade``, ``time`` and ``size``; what is left out is drawn.
 
@@ -220,16 +204,12 @@ class FaultTerm(Term):
         if not isinstance(choices, Mapping):
             raise ValueError(f"fault must be a kind or a mapping of {', '.join(_CHOICE)}, got {shown(choice)}")
         choices = dict(choices)
-        for name in choices:
-            if name not in _CHOICE:
-                raise ValueError(
-                    f"fault must have the keys {', '.join(_CHOICE)}, got {name!r}{did_you_mean(name, _CHOICE)}"
-                )
-        if "kind" in choices and choices["kind"] not in (known := (*FAULT_KINDS, *GRID_KINDS)):
-            raise ValueError(
-                f"the kind of a fault must be among {', '.join(known)}, got {choices['kind']!r}"
-                f"{did_you_mean(choices['kind'], known)}"
-            )
+        for what, name, known in (
+            *(("fault must have the keys", name, _CHOICE) for name in choices),
+            *(("the kind of a fault must be among", kind, _KNOWN) for name, kind in choices.items() if name == "kind"),
+        ):
+            if name not in known:
+                raise ValueError(f"{what} {', '.join(known)}, got {name!r}{did_you_mean(name, known)}")
         n = self._turbine.n_blades
         if "blade" in choices and choices["blade"] not in range(1, n + 1):
             raise ValueError(f"the blade of a fault must be 1 to {n}, got {choices['blade']!r}")
@@ -274,12 +254,7 @@ class FaultTerm(Term):
 
 
 def check_faults(options: FaultOptions, simulator: Any, turbine: Turbine) -> None:
-    """Refuse kinds that simulator or turbine cannot have.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse kinds that simulator or turbine cannot have, by a `ValueError`."""
     kinds = options.kinds or ()
     if ICED in kinds and simulator != OWN:
         raise ValueError(f"fault_kinds must be without {ICED} where another simulator has the blades")

@@ -1,4 +1,4 @@
-"""instr"""
+"""Instruments of an episode, with noise, offsets and delay, and the response to pitch."""
 
 from __future__ import annotations
 
@@ -21,35 +21,16 @@ if TYPE_CHECKING:
     from wt_gym.control import Channel
     from wt_gym.turbines import Turbine
 
-__all__ = ["DRIFTING", "InstrumentTable", "Instruments", "PitchGain"]
-
 TIME_CONSTANT = 10.0
 """Time constant of the mean about which deviations are multiplied [s]."""
 
 
 class PitchGain:
-    """Blades that move by a factor times the deviation of their demands from the recent mean.
-
-    Parameters
-    ----------
-    gain : float
-        g [-].
-
-    Attributes
-    ----------
-    mean : float
-        Filtered mean of the demands on all blades [rad].
-    """
+    """Blades that move by a gain [-] times the deviation of their demands from the recent mean."""
 
     def __init__(self, gain: float):
-        if not gain > 0.0:
-            raise ValueError(f"the gain of the pitch must be positive, got {gain!r}")
-        self.gain, self._mean = gain, LowPass(TIME_CONSTANT)
 
-    @property
-    def mean(self) -> float:
-        """Filtered mean of the demands on all blades [rad]."""
-        return self._mean.value
+        self.gain, self._mean = gain, LowPass(TIME_CONSTANT)
 
     def start(self, pitch: NDArray[np.float64]) -> None:
         """Start in steady state at pitch angles [rad]."""
@@ -63,9 +44,9 @@ class PitchGain:
 
     def read(self, signals: Signals) -> Signals:
         """Signals as the encoders of the blades give them; the given ones stay as they are."""
-        read = Signals(signals.values.copy(), signals.n_blades)
+        read, mean = Signals(signals.values.copy(), signals.n_blades), self._mean.value
         for name in ("pitch", "pitch_command"):
-            read.set(name, self.mean + (signals[name] - self.mean) / self.gain)
+            read.set(name, mean + (signals[name] - mean) / self.gain)
         read.set("pitch_rate", signals["pitch_rate"] / self.gain)
         return read
 
@@ -99,8 +80,6 @@ class InstrumentTable:
     noise : numpy.ndarray, shape (n_noisy,)
         Standard deviations at level 1, in the units of the signals, with the sign of an image for a rotor that turns
         counter-clockwise.
-    wind_noise, lidar_noise : float
-        Of the anemometer and of a reading of the lidar [m/s].
     """
 
     def __init__(self, turbine: Turbine, channels: Mapping[str, Channel], lidar_noise: float):
@@ -114,27 +93,18 @@ class InstrumentTable:
         self.wind_noise, self.lidar_noise = channels[WIND_SPEED].noise, lidar_noise
         self._wind_scale = channels[WIND_SPEED].scale
         self._shifts: dict[str, tuple[list[int], float]] = {}
-        for name in DRIFTING:
-            if name == WIND_SPEED:
-                continue
+        for name in (one for one in DRIFTING if one != WIND_SPEED):
             of_blades = [channel.name for channel in table if channel.group == name]
             channel = channels[name if name in index else f"{name}_mean"]
             self._shifts[name] = [index[one] for one in of_blades], channel.scale * sign[of_blades[0]]
         self.size = len(table)
 
     def offsets(self, shifts: Mapping[str, float]) -> tuple[NDArray[np.float64], float]:
-        """Offsets of all signals in their units, and that of the wind speed [m/s].
-
-        Parameters
-        ----------
-        shifts : mapping
-            Of sensors out of `DRIFTING`, in scales of their channels.
-        """
+        """Offsets of all signals in their units and of the wind speed [m/s], for shifts in scales of the channels."""
         values = np.zeros(self.size)
-        for name, shift in shifts.items():
-            if name != WIND_SPEED:
-                places, scale = self._shifts[name]
-                values[places] = shift * scale
+        for name in shifts.keys() - {WIND_SPEED}:
+            places, scale = self._shifts[name]
+            values[places] = shifts[name] * scale
         return values, self._wind_scale * shifts.get(WIND_SPEED, 0.0)
 
 
@@ -153,19 +123,9 @@ class Instruments:
         Readings of the lidar.
     seed : int
         Of the noise.
-
-    Attributes
-    ----------
-    readings : Signals
-        The last ones.
-    offset : numpy.ndarray, shape (n_signals,)
-        Of the signals, in their units.
-    instant : (float, float)
-        Time and yaw of the nacelle at which they were taken [s, rad]; the lidar has looked there and then.
     """
 
-    readings: Signals
-    instant: tuple[float, float]
+    instant: tuple[float, float]  #: time and yaw of the last readings [s, rad]; the lidar has looked there and then
 
     def __init__(
         self, table: InstrumentTable, level: float, delay: int, shifts: Mapping[str, float], n_seen: int, seed: int
@@ -202,10 +162,8 @@ class Instruments:
             if true > 0.0:
                 share = max(true + speed, 0.0) / true  # a cup turns one way
                 values[place["wind_x"]], values[place["wind_y"]] = share * x, share * y
-        self.readings = Signals(values, signals.n_blades)
-        return self.readings
+        return Signals(values, signals.n_blades)
 
     def seen(self, look: NDArray[np.float64]) -> NDArray[np.float64]:
         """Readings of the lidar for a look, in the order of its readings [m/s]."""
-        out: NDArray[np.float64] = look + self._of_lidar
-        return out
+        return np.add(look, self._of_lidar)

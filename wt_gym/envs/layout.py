@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from wt_gym.control import ActionMap, Channel, Lidar
     from wt_gym.turbines import Turbine
 
-__all__ = ["EnvLayout", "ObservationLayout", "layout_of"]
-
 
 class ObservationLayout:
     """Order, scales and ranges of an observation vector.
@@ -69,16 +67,12 @@ class ObservationLayout:
             raise KeyError(f"the observation has no channel {name!r}; it has {', '.join(self.names)}") from None
 
     def value(self, observation: np.ndarray, name: str) -> Any:
-        """Physical value of a channel.
+        """Physical value of a channel, as a float or of shape (...).
 
         Parameters
         ----------
         observation : numpy.ndarray, shape (..., n)
             As given by the environment, not scaled any further by a wrapper.
-
-        Returns
-        -------
-        float or numpy.ndarray, shape (...)
         """
         i = self.index(name)
         return observation[..., i] * self._scale[i] + self._offset[i]
@@ -106,7 +100,8 @@ class ObservationLayout:
         return observation, tuple(self.names[i] for i in outside)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {len(self)} channels, {_few(self.names)}>"
+        more = ", …" if len(self) > 4 else ""
+        return f"<{type(self).__name__}: {len(self)} channels, {', '.join(self.names[:4])}{more}>"
 
     def table(self) -> list[dict[str, Any]]:
         """Rows (name, unit, offset, scale, min, max, description) for documentation and reports."""
@@ -151,11 +146,6 @@ class EnvLayout:
         return f"<{type(self).__name__}: {self.turbine.name}, {self.sizes}>"
 
 
-def _few(names: tuple[str, ...]) -> str:
-    """The first names."""
-    return ", ".join(names[:4]) + (", …" if len(names) > 4 else "")
-
-
 def layout_of(env: Any) -> EnvLayout:
     """Layout of an environment behind any wrappers.
 
@@ -164,19 +154,13 @@ def layout_of(env: Any) -> EnvLayout:
     env : gymnasium.Env, gymnasium.vector.VectorEnv or stable_baselines3 VecEnv
         Observations must not be scaled by a wrapper (as VecNormalize does) where the layout is used to read them.
 
-    Returns
-    -------
-    EnvLayout
-
     Raises
     ------
     TypeError
         If the environment is none of wt_gym's.
     """
-    if hasattr(env, "num_envs"):
-        layout = env.unwrapped.get_attr("layout")[0]
-    else:
-        layout = getattr(env.unwrapped, "layout", None)
+    plain = env.unwrapped
+    layout = plain.get_attr("layout")[0] if hasattr(env, "num_envs") else getattr(plain, "layout", None)
     if not isinstance(layout, EnvLayout):
         raise TypeError(f"{env} is not a wt_gym environment: it has no layout")
     return layout

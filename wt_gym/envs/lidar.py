@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from wt_gym.base.options import shown
 from wt_gym.control import Channel, Lidar
 from wt_gym.control.controllers import lidar_of
-from wt_gym.envs.channels import Computed, Observed
+from wt_gym.envs.channels import Observed
 from wt_gym.envs.terms import Term
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from wt_gym.control.controllers import Controller
     from wt_gym.envs.channels import Situation
-
-__all__ = ["LIDAR_NOISE", "LidarTerm", "lidar_noise", "look"]
 
 LIDAR_NOISE = 0.1
 """Noise of the mean over the beams of a gate of a lidar, at level 1 [m/s]."""
@@ -76,7 +74,7 @@ class LidarTerm(Term):
         noise = lidar_noise(lidar)
         return {
             "lidar": [
-                Observed(Channel(name, "m/s", 12.0, 4.0, 0.0, 60.0, noise, text), Computed(look, k))
+                Observed(Channel(name, "m/s", 12.0, 4.0, 0.0, 60.0, noise, text), function=look, index=k)
                 for k, (name, text) in enumerate(zip(lidar.names, texts, strict=True))
             ]
         }

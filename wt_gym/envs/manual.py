@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from textwrap import TextWrapper
+from typing import TYPE_CHECKING
 
 from wt_gym.envs.operation import OWN
 from wt_gym.envs.options import documentation
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
     from gymnasium.envs.registration import EnvSpec
 
-__all__ = ["ARGUMENTS", "HEAD", "NOTES", "describe", "manual"]
+    from wt_gym.envs.turbine_env import WindTurbineEnv
+
 
 HEAD = """A wind turbine in the wind, to be controlled by blade pitch, nacelle yaw and generator torque.
 
@@ -255,7 +256,7 @@ def manual() -> str:
 _WIDTH, _INDENT = 120, 14
 
 
-def describe(env: Any, spec: EnvSpec | None, count: int = 1) -> str:
+def describe(env: WindTurbineEnv, spec: EnvSpec | None, count: int = 1) -> str:
     """Text about an environment, of about ten lines; nothing is simulated for it.
 
     Parameters
@@ -265,77 +266,39 @@ def describe(env: Any, spec: EnvSpec | None, count: int = 1) -> str:
     count : int
         Number of turbines.
     """
-    rows = [
-        ("task", ("" if count == 1 else f"{count} turbines, ") + _task(env, spec)),
-        ("turbine", _turbine(env)),
-        ("wind", _wind(env)),
-        ("controller", _controller(env)),
-        ("conditions", _conditions(env)),
-        ("actions", _actions(env)),
-        ("observations", f"{len(env.layout.observation)}: {_short(env.layout.observation.names)}"),
-        ("reward", ", ".join(term.name for term in env.reward_terms)),
-        ("episode", _episode(env)),
-    ]
-    return "\n".join(_row(name, text) for name, text in rows if text)
-
-
-def _row(name: str, text: str) -> str:
-    """Name and text, which continues below its own beginning."""
-    first, rest = f"{name:{_INDENT}}", " " * _INDENT
-    return textwrap.fill(text, _WIDTH, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
-
-
-def _task(env: Any, spec: EnvSpec | None) -> str:
-    """Id with the goal of its task; the class where there is no id."""
-    if spec is None:
-        return type(env).__name__
-    task = task_of(spec.id)
-    return spec.id if task is None else f"{spec.id}: {task.goal}"
-
-
-def _turbine(env: Any) -> str:
-    turbine = env.turbine
-    return (
-        f"{turbine.title}, {turbine.drivetrain.rated_power / 1e6:.4g} MW, rotor {turbine.rotor_diameter:.4g} m, hub "
-        f"{turbine.hub_height:.4g} m"
-    )
-
-
-def _wind(env: Any) -> str:
-    low, high = env.wind.speeds
+    turbine, options, (low, high), action = env.turbine, env.options, env.wind.speeds, env.layout.action
+    task = None if spec is None else task_of(spec.id)
+    title = type(env).__name__ if spec is None else spec.id if task is None else f"{spec.id}: {task.goal}"
     speeds = f"{low:.4g} m/s" if low == high else f"{low:.4g} to {high:.4g} m/s"
-    return f"{env.wind.label}, {speeds} at hub height"
-
-
-def _controller(env: Any) -> str:
-    """Base controller, where one runs: its name, or the class of an object."""
-    if env.controller is None:
-        return "none: the actions are the demands"
-    base = env.options.controller.base
-    name = base if isinstance(base, str) else type(env.controller).__name__
-    return f"{name}, {'changed by the actions' if env.layout.action.mode == 'residual' else 'beside the actions'}"
-
-
-def _conditions(env: Any) -> str:
-    """Faults, variation, power reference and dial, where there are any."""
-    options = env.options
-    parts = [
-        "" if options.faults.kinds is None else f"faults: {', '.join(options.faults.kinds)}",
+    base, beside = options.controller.base, "changed by" if action.mode == "residual" else "beside"
+    controller = f"{base if isinstance(base, str) else type(env.controller).__name__}, {beside} the actions"
+    conditions = (
+        f"faults: {', '.join(options.faults.kinds or ())}" if options.faults.kinds is not None else "",
         f"variation: {', '.join(options.variation.varies)}" if options.variation.varies else "",
-        "" if options.grid.reference is None else "a power reference",
-        "" if options.dial.weights is None else "a dial on the weights of the reward",
-    ]
-    return "; ".join(part for part in parts if part)
-
-
-def _actions(env: Any) -> str:
-    action = env.layout.action
+        "a power reference" if options.grid.reference is not None else "",
+        "a dial on the weights of the reward" if options.dial.weights is not None else "",
+    )
     units = set(action.units)
-    names = [
-        name if len(units) == 1 else f"{name} [{unit}]" for name, unit in zip(action.names, action.units, strict=True)
-    ]
-    unit = f" [{units.pop()}]" if len(units) == 1 else ""
-    return f"{action.size}, {action.mode}, every {env.control_dt:g} s: {', '.join(names)}{unit}"
+    names = [f"{name} [{unit}]" for name, unit in zip(action.names, action.units, strict=True)]
+    actions = ", ".join(names) if len(units) > 1 else f"{', '.join(action.names)} [{units.pop()}]"
+    longest = env.length.longest(env.spec, env.outer_steps)
+    choice = options.simulator
+    simulator = choice if isinstance(choice, str) else choice["name"] if isinstance(choice, Mapping) else "your own"
+    rows = {
+        "task": ("" if count == 1 else f"{count} turbines, ") + title,
+        "turbine": f"{turbine.heading}, {turbine.drivetrain.rated_power / 1e6:.4g} MW, rotor "
+        f"{turbine.rotor_diameter:.4g} m, hub {turbine.hub_height:.4g} m",
+        "wind": f"{env.wind.label}, {speeds} at hub height",
+        "controller": "none: the actions are the demands" if env.controller is None else controller,
+        "conditions": "; ".join(part for part in conditions if part),
+        "actions": f"{action.size}, {action.mode}, every {env.control_dt:g} s: {actions}",
+        "observations": f"{len(env.layout.observation)}: {_short(env.layout.observation.names)}",
+        "reward": ", ".join(term.name for term in env.reward_terms),
+        "episode": f"{'without a limit of time' if longest is None else f'{longest:g} s'}, start {options.start}, "
+        f"fidelity {fidelity_of(env.fidelity).name}{'' if simulator == OWN else f', simulator {simulator}'}",
+    }
+    wrap = TextWrapper(_WIDTH, subsequent_indent=" " * _INDENT, break_on_hyphens=False)
+    return "\n".join(wrap.fill(f"{name:{_INDENT}}{text}") for name, text in rows.items() if text)
 
 
 def _short(names: Iterable[str]) -> str:
@@ -350,12 +313,3 @@ def _short(names: Iterable[str]) -> str:
             parts.append(name)
         before = stem
     return ", ".join(parts)
-
-
-def _episode(env: Any) -> str:
-    longest = env.length.longest(env.spec, env.outer_steps)
-    length = "without a limit of time" if longest is None else f"{longest:g} s"
-    choice = env.options.simulator
-    name = choice if isinstance(choice, str) else choice["name"] if isinstance(choice, Mapping) else "your own"
-    simulator = "" if name == OWN else f", simulator {name}"
-    return f"{length}, start {env.options.start}, fidelity {fidelity_of(env.fidelity).name}{simulator}"

@@ -17,9 +17,6 @@ from wt_gym.control import Lidar
 from wt_gym.control.controllers.tsr_tracking import WindEstimator
 from wt_gym.envs.channels import (
     DEFAULT_GROUPS,
-    Computed,
-    FromSignals,
-    InFixedFrame,
     Observable,
     Observed,
     Sensors,
@@ -35,10 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from wt_gym.control import ActionMap
-    from wt_gym.envs.running_record import Trail
     from wt_gym.turbines import Turbine
-
-__all__ = ["MOST_READINGS", "ObservationOptions", "Observer"]
 
 MOST_READINGS = 1000
 """Most readings in an observation, and most control steps by which they are late: 200 s at the usual step of 0.2 s."""
@@ -118,13 +112,10 @@ class Observer(Stateful):
 
     Parameters
     ----------
-    action : ActionMap
-        Collective maps give one pitch, others one a blade.
     operation : wt_gym.envs.operation.Operation
         With the base controller, whose states can then be observed; or an object with its readings and set points.
     choice : sequence of str
-        Groups (`wt_gym.envs.channels.OBSERVATION_GROUPS`) and single channels, in any order; groups come in the order
-        of that tuple, then single channels as named.
+        As of `wt_gym.envs.channels.Observable.choose`.
     noise_level : float
         Factor on the noise of every sensor; zero for none.
     delay : int
@@ -132,17 +123,13 @@ class Observer(Stateful):
     features : mapping
         Channels of features by the group that they make.
 
-    Attributes
-    ----------
-    washed : tuple of str
-        Channels behind the high-pass filter.
-
     Raises
     ------
     ValueError
         If a group or channel is unknown or none is given, or the delay is too long.
     """
 
+    washed: tuple[str, ...]  #: channels behind the high-pass filter
     remembered = ("_sensors", "_readings", "_lasting")
 
     def __init__(
@@ -178,29 +165,26 @@ class Observer(Stateful):
     def _prepare(self, observed: list[Observed]) -> None:
         """Sort the channels by their readers: those of signals come from their vector at once."""
         index = {c.name: i for i, c in enumerate(channel_table(self._turbine.n_blades))}
-        read = [(k, one.reader) for k, one in enumerate(observed)]
-        signals = [(k, index[reader.name]) for k, reader in read if isinstance(reader, FromSignals)]
+        rows = list(enumerate(observed))
+        signals = [(k, index[one.signal]) for k, one in rows if one.signal and one.part is None]
         self._at, self._from = np.array(signals, dtype=np.int64).reshape(-1, 2).T.copy()
-        cyclic = [
-            (k, reader.part, index[f"{reader.signal}_1"]) for k, reader in read if isinstance(reader, InFixedFrame)
-        ]
+        cyclic = [(k, one.part, index[f"{one.signal}_1"]) for k, one in rows if one.part is not None]
         self._cyclic_at, self._cyclic_part, first = np.array(cyclic, dtype=np.int64).reshape(-1, 3).T.copy()
         self._cyclic_from = first[:, None] + np.arange(self._turbine.n_blades)
-        computed = [(k, reader) for k, reader in read if isinstance(reader, Computed)]
-        self._single = [(k, reader.function) for k, reader in computed if reader.index is None]
-        several = [(k, reader.function, reader.index) for k, reader in computed if reader.index is not None]
+        computed = [(k, one.function, one.index) for k, one in rows if one.function is not None]
+        self._single = [(k, function) for k, function, place in computed if place is None]
+        several = [(k, function, place) for k, function, place in computed if place is not None]
         self._several = [  # each function is called once
             (function, [(k, place) for k, other, place in several if other == function])
             for function in dict.fromkeys(function for _, function, _ in several)
         ]
-        # another turbine's table takes a while to make
-        estimates = any(reader.estimates for _, reader in computed)
+        estimates = any(one.estimates for one in observed)  # another turbine's table takes a while to make
         self._sensors = Sensors(WindEstimator.of_turbine(self._turbine) if estimates else None)
         self._situation = Situation(self._operation, self._sensors)
-        self._directions = [k for k, one in enumerate(observed) if one.circular]
+        self._directions = [k for k, one in rows if one.circular]
         self._size = len(observed)
         self.washed = tuple(one.channel.name for one in observed if one.washed)
-        self._washed = np.array([k for k, one in enumerate(observed) if one.washed], dtype=np.int64)
+        self._washed = np.array([k for k, one in rows if one.washed], dtype=np.int64)
         self._means = [_mean_reader(observed[k]) for k in self._washed.tolist()]
 
     def recall(self, memory: Mapping[str, Any]) -> None:
@@ -210,15 +194,13 @@ class Observer(Stateful):
 
     # ---- readings ----
 
-    def reset(self, action: np.ndarray, trail: Trail | None = None) -> None:
-        """Start the filters in steady state.
+    def reset(self, action: np.ndarray, trail: np.ndarray | None = None) -> None:
+        """Start the filters in steady state, with the action (n_act,) before the first one.
 
         Parameters
         ----------
-        action : numpy.ndarray, shape (n_act,)
-            Before the first one.
-        trail : Trail, optional
-            Earlier signals, whose means the washout takes.
+        trail : numpy.ndarray, shape (n_signals,), optional
+            Means of the signals before, from which the washout starts; NaN where there is none.
         """
         situation, operation = self._situation, self._operation
         situation.signals, situation.action = operation.readings(), action
@@ -227,26 +209,17 @@ class Observer(Stateful):
         self._lasting = self._means_before(trail) if len(self._washed) else np.empty(0)
         self._readings: deque[np.ndarray] = deque(maxlen=self._delay + self._history)
 
-    def _means_before(self, trail: Trail | None) -> np.ndarray:
-        """Means of the washed channels at the start (n_washed,), weighted as the filter weighs.
-
-        A channel that the trail does not hold starts from what is measured now.
-        """
+    def _means_before(self, trail: np.ndarray | None) -> np.ndarray:
+        """Means of the washed channels at the start (n_washed,): those recorded before, else what is measured now."""
         situation, now = self._situation, self._situation.signals
         present = self._means_now()
-        if trail is None or not len(trail.signals):
+        if trail is None:
             return present
-        read = trail.signals if situation.offsets is None else trail.signals + situation.offsets
-        rows = []
-        for row in read:
-            situation.signals = Signals(row, now.n_blades)
-            rows.append(self._means_now())
+        read = trail if situation.offsets is None else trail + situation.offsets
+        situation.signals = Signals(read, now.n_blades)
+        means = self._means_now()
         situation.signals = now
-        means = np.array(rows)
-        ages = trail.spacing * np.arange(len(rows), 0, -1)
-        weights = np.exp(-ages / cast("float", self._washout))
-        found = weights @ means / weights.sum()
-        return np.where(np.isfinite(found), found, present)
+        return np.where(np.isfinite(means), means, present)
 
     def _means_now(self) -> np.ndarray:
         """Washed channels in the situation (n_washed,), of a blade as the mean of the blades."""
@@ -277,14 +250,7 @@ class Observer(Stateful):
         self._sensors.advance(self._operation.readings(), dt)
 
     def observe(self, action: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Measure once a control step.
-
-        Parameters
-        ----------
-        action : numpy.ndarray, shape (n_act,)
-            That led here.
-        rng : numpy.random.Generator
-            Source of the measurement noise.
+        """Measure once a control step, after an action (n_act,), with noise of a generator.
 
         Returns
         -------
@@ -317,15 +283,12 @@ class Observer(Stateful):
 
 def _mean_reader(observed: Observed) -> Callable[[Situation], float] | None:
     """Reader of the mean that a washed channel starts from; None: of the channel itself."""
-    name, reader = observed.channel.name, observed.reader
-    stem, _, number = name.rpartition("_")
-    if name.startswith("nacelle_acceleration_"):
-        return partial(_offset, cast("FromSignals", reader).name)
+    stem, _, number = observed.channel.name.rpartition("_")
+    if observed.channel.name.startswith("nacelle_acceleration_"):
+        return partial(_offset, observed.signal)
     if not number.isdecimal():
         return None
-    if isinstance(reader, FromSignals):
-        return partial(_mean_of_signal, stem)
-    return partial(_mean_of_blades, cast("Computed", reader).function)
+    return partial(_mean_of_blades, observed.function) if observed.function else partial(_mean_of_signal, stem)
 
 
 def _offset(name: str, situation: Situation) -> float:

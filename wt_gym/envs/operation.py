@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.additions import ResidualPitch, YawByDeadBand
     from wt_gym.control.controllers.supervisor import Supervisor
     from wt_gym.envs.instruments import Instruments, PitchGain
+    from wt_gym.envs.power_reference import PowerReference
     from wt_gym.envs.terms import Beginning, Plant
+    from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Fidelity, Signals
     from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
     from wt_gym.turbines import BladeIce, Turbine
     from wt_gym.wind import Inflow
-
-__all__ = ["OWN", "Operation", "make_simulator", "simulator_maker"]
 
 OWN = "wt_gym"
 """Name of the simulator of this package."""
@@ -133,34 +133,10 @@ class Operation(Stateful):
         Filters of residual pitch.
     lidar : Lidar
         Whose readings are observed, and read by a controller that has one.
-    step : float
-        Of the simulator [s].
-    count : int
-        Such steps in a control step.
+    steps : (float, int)
+        Step of the simulator [s], and number of such steps in a control step.
     make : callable
         Makes the simulator, see `make_simulator`; called at the first start of each plant.
-
-    Attributes
-    ----------
-    make_simulator : callable
-    make_instruments : callable
-        Makes the instruments of a drawn variation, None where readings are exact.
-    everyone : bool
-        The base controller reads the instruments of the agent.
-    simulator : TurbineSimulator or None
-        None before the first start.
-    signals : Signals
-        Of the simulator at the present instant.
-    demand, base : Demand
-        On the drives, and of the base controller.
-    faults : tuple
-        Faults of the episode with their times.
-    instruments : Instruments or None
-        None where readings are exact.
-    reference : PowerReference or None
-        Demand of a grid operator.
-    pitch_gain : PitchGain or None
-        Response to pitch, where it is not that of the model.
     """
 
     remembered = (
@@ -168,10 +144,20 @@ class Operation(Stateful):
         "pitch_gain", "_taken", "reference",
     )  # fmt: skip
     wind: EpisodeWind
-    demand: Demand
-    base: Demand
+    demand: Demand  #: on the drives
+    base: Demand  #: of the base controller
     setpoint: AgentSetpoint
     plant: Plant
+    everyone: bool = False  #: the base controller reads the instruments of the agent
+    simulator: TurbineSimulator | None = None  #: None before the first start
+    signals: Signals = cast("Signals", None)  #: of the simulator at the present instant; None before the first start
+    faults: tuple[DriveFault | SensorBias, ...] = ()  #: of the episode with their times
+    instruments: Instruments | None = None  #: None where readings are exact
+    reference: PowerReference | None = None  #: demand of a grid operator
+    pitch_gain: PitchGain | None = None  #: response to pitch, where it is not that of the model
+    _taken: Signals | None = None
+    _drive_faults: tuple[DriveFault, ...] = ()
+    _look: tuple[tuple[float, float], np.ndarray] | None = None
 
     def __init__(
         self,
@@ -181,28 +167,17 @@ class Operation(Stateful):
         residual: ResidualPitch | None,
         lidar: Lidar,
         fidelity: str | Fidelity,
-        step: float,
-        count: int,
+        steps: tuple[float, int],
         make: SimulatorMaker,
     ):
         self.turbine, self.action, self.controller, self.residual = turbine, action, controller, residual
         self.lidar, self._fidelity, self.make_simulator = lidar, fidelity, make
-        self.step, self.count = step, count
+        self.step, self.count = steps
         self._supervised = supervisor_of(controller) is not None
         self._lidar_is_read = controller is not None and lidar_of(controller) is not None
-        self.make_instruments: Callable[[Any], Instruments | None] = _no_instruments
-        self.everyone = False
+        self.make_instruments: Callable[[DrawnVariation], Instruments | None] = _no_instruments
         self._simulators: dict[tuple[int, BladeIce | None], TurbineSimulator] = {}
-        self.simulator: TurbineSimulator | None = None
-        self.instruments: Instruments | None = None
-        self.pitch_gain: PitchGain | None = None
-        self.reference: Any = None
-        self._taken: Signals | None = None
-        self.signals = cast("Signals", None)  # before the first start, for which everything that needs them asks
-        self.faults: tuple[DriveFault | SensorBias, ...] = ()
-        self._drive_faults: tuple[DriveFault, ...] = ()
         self._filters: list[Callable[[Signals], Signals]] = []
-        self._look: tuple[tuple[float, float], np.ndarray] | None = None
 
     # ---- starts ----
 
@@ -358,14 +333,12 @@ class Operation(Stateful):
 
     def infos(self) -> list[Callable[[], dict[str, Any]]]:
         """Functions that give the parts of `info` that the episode has beside those of every episode."""
-        parts: list[Callable[[], dict[str, Any]]] = []
-        if self.supervisor is not None:
-            parts.append(self._state_info)
-        if any(isinstance(fault, VoltageDip) for fault in self.faults):
-            parts.append(self._voltage_info)
-        if self.reference is not None:
-            parts.append(self._power_info)
-        return parts
+        has_dip = any(isinstance(fault, VoltageDip) for fault in self.faults)
+        parts = (
+            (self.supervisor is not None, self._state_info), (has_dip, self._voltage_info),
+            (self.reference is not None, self._power_info),
+        )  # fmt: skip
+        return [part for is_there, part in parts if is_there]
 
     def _state_info(self) -> dict[str, Any]:
         return {"state": cast("Supervisor", self.supervisor).state}

@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -48,10 +49,30 @@ if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
 
 __all__ = [
-    "GROUPS", "RENDER_MODES", "ActionOptions", "ControllerOptions", "DialOptions", "ElectricalOptions", "EnvOptions",
-    "FaultOptions", "GridOptions", "LimitOptions", "ObservationOptions", "RewardOptions", "Variation", "WindOptions",
-    "argument_default", "documentation", "env_arguments", "flat_arguments", "named_arguments", "plain_spec",
-    "registered_arguments", "signature", "wind_files_of", "with_whole_paths",
+    "GROUPS",
+    "RENDER_MODES",
+    "ActionOptions",
+    "ControllerOptions",
+    "DialOptions",
+    "ElectricalOptions",
+    "EnvOptions",
+    "FaultOptions",
+    "GridOptions",
+    "LimitOptions",
+    "ObservationOptions",
+    "PlainSpec",
+    "RewardOptions",
+    "Variation",
+    "WindOptions",
+    "argument_default",
+    "documentation",
+    "env_arguments",
+    "flat_arguments",
+    "named_arguments",
+    "registered_arguments",
+    "signature",
+    "wind_files_of",
+    "with_whole_paths",
 ]  # fmt: skip
 
 
@@ -168,23 +189,6 @@ class ElectricalOptions(Options):
 STARTS = ("running", "steady")
 """States with which an episode in turbulence starts."""
 RENDER_MODES = ("rgb_array",)
-GROUPS: dict[str, type[Options]] = {
-    group.title: group
-    for group in (
-        WindOptions,
-        ActionOptions,
-        ObservationOptions,
-        RewardOptions,
-        LimitOptions,
-        ControllerOptions,
-        GridOptions,
-        DialOptions,
-        ElectricalOptions,
-        FaultOptions,
-        Variation,
-    )
-}
-"""Groups by the argument that takes them."""
 _BASE = "controller"  # the one argument that takes a group or the value of a field of it
 _ID = "env_id"
 
@@ -282,12 +286,16 @@ class EnvOptions(Options):
             If something is given twice, or has no meaning.
         """
         flat = flat_arguments(values)
-        fields: dict[str, Any] = {name: flat[name] for name in _PLAIN if name in flat}
+        parts: dict[str, Any] = {name: flat[name] for name in _PLAIN if name in flat}
         for title, group in GROUPS.items():
-            fields[title] = group(**{one.name: flat[one.flat] for one in options_of(group) if one.flat in flat})
-        return cls(**fields)
+            parts[title] = group(**{one.name: flat[one.flat] for one in options_of(group) if one.flat in flat})
+        return cls(**parts)
 
 
+GROUPS: dict[str, type[Options]] = {
+    one.name: type(one.default) for one in fields(EnvOptions) if isinstance(one.default, Options)
+}
+"""Groups by the argument that takes them."""
 _FLAT: dict[str, tuple[str, Option]] = {
     one.flat: (title, one) for title, group in GROUPS.items() for one in options_of(group)
 }
@@ -361,16 +369,12 @@ def flat_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
                 f"the environment got an unexpected keyword argument {name!r}{did_you_mean(name, known, '.')} Its "
                 f"arguments are {', '.join(known)}"
             )
-    for title, group in GROUPS.items():
-        if title not in groups:
-            continue
+    for title in (one for one in GROUPS if one in groups):
+        group, value = GROUPS[title], groups[title]
         if title == _BASE and title in registered:
             flat[title] = registered[title]  # the mapping stood in its place
-        value = groups[title]
         given = value.given if isinstance(value, group) else group.named(value)
-        for one in options_of(group):
-            if one.name not in given:
-                continue
+        for one in (each for each in options_of(group) if each.name in given):
             if one.flat in flat and not _same(registered, one.flat, flat[one.flat]):
                 raise ValueError(
                     f"{one.flat} must be given once, got {title}.{one.name} = {shown(given[one.name])} and {one.flat} "
@@ -414,12 +418,20 @@ def documentation(indent: str = "    ") -> str:
     return section(entries, indent)
 
 
-def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
-    """Put mappings of what was given in the place of groups, in what an environment was made of; they have a JSON."""
-    if spec is not None:
-        kwargs = spec.kwargs
-        spec.kwargs = {name: value.given if isinstance(value, Options) else value for name, value in kwargs.items()}
-    return spec
+class PlainSpec:
+    """An environment whose definition has mappings of what was given in the place of groups: they have a JSON form."""
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Definition of `gymnasium.make` or `gymnasium.make_vec`, groups of options as mappings."""
+        return self.__dict__.get("_spec")
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None:
+            values = spec.kwargs.items()
+            spec.kwargs = {name: value.given if isinstance(value, Options) else value for name, value in values}
+        self._spec = spec
 
 
 # ---- files of wind among the arguments ----
@@ -430,30 +442,16 @@ def with_whole_paths(arguments: Mapping[str, Any]) -> dict[str, Any]:
 
     They then mean the same files in JSON, in other processes and in other working directories.
 
-    Parameters
-    ----------
-    arguments : mapping
-        Of `wt_gym.envs.turbine_env.WindTurbineEnv`.
-
-    Returns
-    -------
-    dict
-
     Raises
     ------
     InflowError
         If a mapping names no files.
     """
-    arguments = _with_inflow(arguments)
+    arguments = flat_arguments(arguments) if "wind" in arguments else arguments
     given: Any = arguments.get("inflow")
     if isinstance(given, list | tuple):
         return {**arguments, "inflow": [_whole(one) for one in given]}
     return {**arguments, "inflow": _whole(given)} if is_wind_file(given) else dict(arguments)
-
-
-def _with_inflow(arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Arguments by their flat names where the wind is a group."""
-    return flat_arguments(arguments) if "wind" in arguments else arguments
 
 
 def _whole(given: Any) -> Any:
@@ -470,9 +468,9 @@ def wind_files_of(arguments: Mapping[str, Any]) -> dict[str, str]:
     InflowError
         If one cannot be read.
     """
-    given: Any = _with_inflow(arguments).get("inflow")
-    described = [one for one in (given if isinstance(given, list | tuple) else [given]) if is_wind_file(one)]
-    paths = [os.path.abspath(one) for one in described if is_wind_path(one)]
+    given: Any = with_whole_paths(arguments).get("inflow")
+    described = [one for one in (given if isinstance(given, list) else [given]) if is_wind_file(one)]
+    paths = [one for one in described if is_wind_path(one)]
     paths += [path for one in described for path in files_of(whole_description(one))]
     return {path: _digest(path) for path in dict.fromkeys(paths)}
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -11,15 +12,15 @@ from wt_gym.control.design import design_point, rotor_inertia
 from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.envs.terms import Transition
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["DiscWind", "Power", "available_power", "efficiency"]
-
-_RINGS = np.sqrt([0.25, 0.75])
-_AZIMUTHS = 2.0 * np.pi * np.arange(6) / 6
+RINGS, AZIMUTHS = np.sqrt([0.25, 0.75]), 2.0 * np.pi * np.arange(6) / 6
+"""Points of equal area of a rotor disc: radii over that of the rotor [-], azimuths [rad]."""
 DISC_TIME = 5.0
 """Time constant of the filter of the wind over the rotor disc [s]."""
 
@@ -28,7 +29,7 @@ def available_power(turbine: Turbine, wind_speed: float) -> float:
     """Electrical power that a turbine can make of a steady wind [W].
 
     ``min(rated, rho A Cp_max eta V^3 / 2)`` with the swept area of the coned rotor, the peak power coefficient of
-    `wt_gym.control.operating_point.design_point` and the efficiency of gearbox and generator.
+    `wt_gym.control.design.design_point` and the efficiency of gearbox and generator.
 
     Parameters
     ----------
@@ -50,6 +51,12 @@ def _power_factor(turbine: Turbine) -> float:
     return 0.5 * turbine.air_density * area * design_point(turbine).peak_power_coefficient * efficiency(turbine)
 
 
+def disc_points(turbine: Turbine) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points of equal area of the rotor disc: distance to the left of the hub and height, each (12,) [m]."""
+    ring = turbine.rotor_diameter / 2 * RINGS
+    return np.outer(ring, np.sin(AZIMUTHS)).ravel(), turbine.hub_height + np.outer(ring, np.cos(AZIMUTHS)).ravel()
+
+
 class DiscWind:
     """Mean horizontal wind over 12 points of equal area of a disc of the rotor's size at the hub.
 
@@ -65,11 +72,9 @@ class DiscWind:
 
     def __init__(self, turbine: Turbine, time_constant: float = DISC_TIME):
         self.time_constant = time_constant
-        disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
-        ring = turbine.rotor_diameter / 2 * _RINGS
-        self._beside = np.outer(ring, np.sin(_AZIMUTHS)).ravel()
-        disc[..., 2] = turbine.hub_height + np.outer(ring, np.cos(_AZIMUTHS))
-        self._disc, self._disc_wind = disc.reshape(-1, 3), np.zeros((disc.size // 3, 3))
+        self._beside, height = disc_points(turbine)
+        self._disc, self._disc_wind = np.zeros((len(height), 3)), np.zeros((len(height), 3))
+        self._disc[:, 2] = height
         self._mean = (0.0, 0.0)
         self._step, self.gain = math.nan, math.nan
 
@@ -101,6 +106,7 @@ class DiscWind:
         return x / len(self._disc), y / len(self._disc)
 
 
+@dataclass(eq=False)
 class Power:
     """Electrical power plus what is stored in the rotor, less the power that wind and turbine allow.
 
@@ -127,16 +133,16 @@ class Power:
         Electrical power over rated power from which on more power costs [-].
     """
 
-    def __init__(
-        self, weight: float = 1.0, time_constant: float = DISC_TIME, overload: float = 1.03, name: str = "power"
-    ):
-        self.weight, self.time_constant, self.overload, self.name = weight, time_constant, overload, name
-        self._started = False
+    weight: float = 1.0
+    time_constant: float = DISC_TIME
+    overload: float = 1.03
+    name: str = "power"
+    _disc: DiscWind | None = field(default=None, init=False)
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode: the filter of the wind begins with the wind of the first step."""
         drivetrain = turbine.drivetrain
-        self._started, self._wind_speed = True, math.nan
+        self._wind_speed = math.nan
         self._rated_power, self._rated_speed = drivetrain.rated_power, drivetrain.rated_rotor_speed
         self._half_inertia = 0.5 * rotor_inertia(turbine) * efficiency(turbine)
         self._power_factor = _power_factor(turbine)
@@ -144,7 +150,7 @@ class Power:
 
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
-        if not self._started:
+        if self._disc is None:
             self.reset(transition.turbine, transition.before)
         before, after, dt = transition.before, transition.after, transition.dt
         power = 0.5 * (self._paid(before["generator_power"]) + self._paid(after["generator_power"]))
@@ -163,8 +169,9 @@ class Power:
 
     def _available(self, transition: Transition) -> float:
         """Available power over rated power [-]."""
+        disc = cast("DiscWind", self._disc)
         if math.isnan(self._wind_speed):
-            self._wind_speed = self._disc.begin(transition.inflow, transition.before)
-        speed = self._disc.advance(transition.inflow, transition.after, transition.dt)
-        self._wind_speed += self._disc.gain * (speed - self._wind_speed)
+            self._wind_speed = disc.begin(transition.inflow, transition.before)
+        speed = disc.advance(transition.inflow, transition.after, transition.dt)
+        self._wind_speed += disc.gain * (speed - self._wind_speed)
         return min(1.0, self._power_factor * self._wind_speed**3 / self._rated_power)

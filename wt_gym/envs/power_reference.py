@@ -23,7 +23,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Options, as_pair, option, option_record, options_of, shown
 from wt_gym.control import Channel
 from wt_gym.control.design import rotor_inertia
-from wt_gym.envs.channels import Computed, Observed
+from wt_gym.envs.channels import Observed
 from wt_gym.envs.power import available_power, efficiency
 from wt_gym.envs.terms import Term
 
@@ -42,11 +42,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.wind_sampler import EpisodeWind
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "AHEAD", "DRAWN", "RAMP_RATE", "REFERENCE_KINDS", "GridOptions", "PowerReference", "PowerReferenceTerm",
-    "PowerTracking", "regulation_signal",
-]  # fmt: skip
 
 AHEAD = (2.0, 5.0, 10.0)
 """Times for which the reference is known in advance [s]: a schedule, not a regulation signal, is."""
@@ -60,8 +55,7 @@ REGULATION_STEP = 2.0
 """Time between values of a regulation signal [s]."""
 FAST, SLOW = 2.0 * math.pi / 60.0, 2.0 * math.pi / 900.0
 """Corner frequencies of a regulation signal [rad/s]: of its low-pass and its high-pass filter."""
-_DEVIATION = 0.5
-"""Standard deviation of a regulation signal before it is cut off, over the span [-]."""
+_DEVIATION = 0.5  # Standard deviation of a regulation signal before it is cut off, over the span [-]
 REFERENCE_KINDS = ("reserve", "steps", "ramps", "regulation")
 """Courses of the power reference that are drawn for each episode."""
 MOVING_KINDS = ("steps", "ramps", "regulation")
@@ -88,9 +82,8 @@ def _checked_reference(reference: Any) -> Any:
         rows = np.asarray(reference, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         rows = np.empty(0)
-    if rows.ndim != 2 or rows.shape[0] < 1 or rows.shape[1] != 2 or not np.isfinite(rows).all():
-        raise ValueError(allowed + shown(reference))
-    if (np.diff(rows[:, 0]) < 0.0).any():
+    finite = rows.ndim == 2 and len(rows) and rows.shape[1] == 2 and np.isfinite(rows).all()
+    if not finite or (np.diff(rows[:, 0]) < 0.0).any():
         raise ValueError(allowed + shown(reference))
     if (least := float(rows[:, 1].min())) <= 0.0:
         raise ValueError(
@@ -148,7 +141,7 @@ class GridOptions(Options):
         self.check_span(self.reference)
 
     def check_span(self, reference: Any) -> None:
-        """Refuse a span with which a course of a reference would leave its limits."""
+        """As `check`, of another reference."""
         if not isinstance(reference, tuple) or not set(reference) & set(MOVING_KINDS):
             return
         low, high = as_pair(self.level)
@@ -161,21 +154,11 @@ class GridOptions(Options):
 
 @dataclass(frozen=True)
 class PowerReference:
-    """Power over time, linear between its points; at a step the later value holds.
+    """Power over time, linear between its points; at a step the later value holds."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"series"`` for one of the user's.
-    times : tuple of float
-        Not falling [s].
-    powers : tuple of float
-        [W].
-    """
-
-    kind: str
-    times: tuple[float, ...]
-    powers: tuple[float, ...]
+    kind: str  #: ``"series"`` for one of the user's
+    times: tuple[float, ...]  #: Not falling [s]
+    powers: tuple[float, ...]  #: [W]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # never changes
@@ -200,21 +183,9 @@ class PowerReference:
         begin, end = times[k - 1], times[k]
         return powers[k - 1] + (time - begin) / (end - begin) * (powers[k] - powers[k - 1])
 
-    @classmethod
-    def of_rows(cls, rows: Sequence[tuple[float, float]]) -> Self:
-        """Course of rows of time [s] and power [W]."""
-        times, powers = zip(*rows, strict=True)
-        return cls("series", tuple(map(float, times)), tuple(map(float, powers)))
-
 
 def _rows_of_file(path: str) -> Any:
-    """Rows of a CSV file of two columns, with a head or without one.
-
-    Raises
-    ------
-    ValueError
-        If it holds none, or other ones.
-    """
+    """Rows of a CSV file of two columns, with a head or without one; a `ValueError` if it holds none, or other ones."""
     with open(path, newline="", encoding="utf-8") as file:
         lines = [line for line in csv.reader(file) if line and not line[0].lstrip().startswith("#")]
     if lines and not _numeric(lines[0]):
@@ -236,12 +207,7 @@ _REFERENCE = options_of(GridOptions)[0]
 
 
 class PowerReferenceTerm(Term):
-    """Power reference of an environment.
-
-    Parameters
-    ----------
-    options : GridOptions
-        With a reference.
+    """Power reference of an environment, of options with one.
 
     Raises
     ------
@@ -265,7 +231,8 @@ class PowerReferenceTerm(Term):
             checked = _rows_of_file(checked)
         if isinstance(checked[0], str):
             return cast("tuple[str, ...]", checked)
-        return PowerReference.of_rows(checked)
+        times, powers = zip(*checked, strict=True)
+        return PowerReference("series", times, powers)
 
     def mean_share(self, wind_speed: float) -> float:
         """Mean power that is asked for in a wind [m/s], over rated power [-].
@@ -286,24 +253,13 @@ class PowerReferenceTerm(Term):
     def draw(self, request: Request) -> None:
         """Draw the reference of an episode."""
         choice = request.options.get(self.option)
-        request.drawn["power_reference"] = self.drawn(request.rng, request.wind, choice)
+        request.drawn[self.option] = self.drawn(request.rng, request.wind, choice)
 
     def drawn(self, rng: np.random.Generator, wind: EpisodeWind, choice: Any = None) -> PowerReference:
-        """Reference of an episode.
+        """Reference of an episode, or of a choice in place of that of the options.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            One number is drawn of it, whatever the kind.
-        wind : EpisodeWind
-            Its seed and speed decide too: the same random numbers give another reference in another wind.
-        choice : object, optional
-            In place of the reference of the options.
-
-        Raises
-        ------
-        ValueError
-            If the choice has no meaning.
+        One number of the generator is drawn, whatever the kind. Seed and speed of the wind decide too: the same random
+        numbers give another reference in another wind.
         """
         seed = int(rng.integers(2**63))
         courses = self._choice if choice is None else self._courses(choice)
@@ -342,37 +298,26 @@ class PowerReferenceTerm(Term):
 
     def groups(self) -> dict[str, list[Observed]]:
         """Demand, error and stores of energy, all of which a controller knows; the forecast of a schedule apart."""
-        turbine, drive = self._turbine, self._turbine.drivetrain
-        rated = drive.rated_power
-        half, factor = 0.5 * rotor_inertia(turbine), available_power(turbine, 1.0)
-        full = half * drive.rated_rotor_speed**2
-        demanded = ("W", 0.8 * rated, 0.15 * rated, 0.0, 2 * rated, 0.0)
-        rows: tuple[tuple[Channel, Any], ...] = (
-            (Channel("demanded_power", *demanded, "power that is asked for"), Computed(demanded_power, 0)),
-            (
-                Channel("power_error", "W", 0.0, 0.05 * rated, -2 * rated, 2 * rated, 5e-3 * rated,
-                        "electrical power less what is asked for"),
-                Computed(power_error),
-            ),
-            (
-                Channel("power_headroom", "W", 0.1 * rated, 0.25 * rated, -2 * rated, 2 * rated, 0.0,
-                        "power that the estimated wind allows less what is asked for"),
-                Computed(partial(power_headroom, factor, 1.5 * rated), estimates=True),
-            ),
-            (
-                Channel("rotor_energy", "J", full, 0.2 * full, 0.0, 4 * full, 2e-3 * full,
-                        "kinetic energy of rotor and generator"),
-                Computed(partial(rotor_energy, half)),
-            ),
-        )  # fmt: skip
-        forecast = [
-            Observed(
-                Channel(f"demanded_power_in_{ahead:g}_s", *demanded, f"power that is asked for in {ahead:g} s"),
-                Computed(demanded_power, k),
-            )
-            for k, ahead in enumerate(AHEAD, start=1)
+        rated, half = self._turbine.drivetrain.rated_power, 0.5 * rotor_inertia(self._turbine)
+        factor, full = available_power(self._turbine, 1.0), half * self._turbine.drivetrain.rated_rotor_speed**2
+        demand = ("W", 0.8 * rated, 0.15 * rated, 0.0, 2 * rated, 0.0)
+        error = ("W", 0.0, 0.05 * rated, -2 * rated, 2 * rated, 5e-3 * rated, "electrical power less what is asked for")
+        headroom = ("W", 0.1 * rated, 0.25 * rated, -2 * rated, 2 * rated, 0.0,
+                    "power that the estimated wind allows less what is asked for")  # fmt: skip
+        energy = ("J", full, 0.2 * full, 0.0, 4 * full, 2e-3 * full, "kinetic energy of rotor and generator")
+        forecast = {f"demanded_power_in_{t:g}_s": f"power that is asked for in {t:g} s" for t in AHEAD}
+        demands = [
+            Observed(Channel(name, *demand, text), function=demanded_power, index=k)
+            for k, (name, text) in enumerate({"demanded_power": "power that is asked for", **forecast}.items())
         ]
-        return {"power_reference": [Observed(*row) for row in rows], "power_forecast": forecast}
+        allowed = partial(power_headroom, factor, 1.5 * rated)
+        present = [
+            demands[0],
+            Observed(Channel("power_error", *error), function=power_error),
+            Observed(Channel("power_headroom", *headroom), function=allowed, estimates=True),
+            Observed(Channel("rotor_energy", *energy), function=partial(rotor_energy, half)),
+        ]
+        return {"power_reference": present, "power_forecast": demands[1:]}
 
 
 def demanded_power(situation: Situation) -> list[float]:
@@ -397,15 +342,7 @@ def power_headroom(factor: float, most: float, situation: Situation) -> float:
 
 
 def regulation_signal(rng: np.random.Generator) -> tuple[list[float], list[float]]:
-    """Draw a regulation signal.
-
-    Returns
-    -------
-    times : list of float
-        [s].
-    shares : list of float
-        Within -1 and 1 [-].
-    """
+    """Draw a regulation signal: times [s] and shares within -1 and 1 [-]."""
     count = round(DRAWN / REGULATION_STEP) + 1
     settled = round(4.0 / SLOW / REGULATION_STEP)
     noise = rng.standard_normal(settled + count)
@@ -424,6 +361,7 @@ def regulation_signal(rng: np.random.Generator) -> tuple[list[float], list[float
     return (REGULATION_STEP * np.arange(count)).tolist(), signal.tolist()
 
 
+@dataclass(eq=False)
 class PowerTracking:
     """Penalty on the tracking error, with the kinetic energy of the rotor as a store that is to be given back.
 
@@ -448,11 +386,12 @@ class PowerTracking:
         f [-].
     """
 
-    needs_reference = True
-
-    def __init__(self, weight: float = 0.0, scale: float = 0.05, missing: float = 1.1, name: str = "power_tracking"):
-        self.weight, self.scale, self.missing, self.name = weight, scale, missing, name
-        self._started = False
+    weight: float = 0.0
+    scale: float = 0.05
+    missing: float = 1.1
+    name: str = "power_tracking"
+    needs_reference: ClassVar[bool] = True
+    _started = False
 
     @property
     def worst_rate(self) -> float:
@@ -466,9 +405,7 @@ class PowerTracking:
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode."""
-        drivetrain = turbine.drivetrain
-        self._started = True
-        self._unit = self.scale * drivetrain.rated_power
+        self._started, self._unit = True, self.scale * turbine.drivetrain.rated_power
         self._half_inertia = 0.5 * rotor_inertia(turbine) * efficiency(turbine)
         self._full = self._half_inertia * max(signals["rotor_speed"], 0.0) ** 2
 

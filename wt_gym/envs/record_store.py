@@ -38,21 +38,15 @@ from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import TurbulentInflow
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from wt_gym.base.canary import Canary
     from wt_gym.turbines import BeamStations, Turbine
+    from wt_gym.wind import TurbulentInflow
 
-__all__ = [
-    "CATALOG", "FOLDER", "RecordedTurbine", "StartFile", "digest_of_turbine", "dimensions", "find_record",
-    "make_record", "record_canary", "recorded_speeds", "user_folder", "user_record_digest",
-]  # fmt: skip
 
 _log = logging.getLogger(__name__)
 _T = TypeVar("_T")
@@ -72,37 +66,17 @@ _DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFi
 
 @dataclass(frozen=True)
 class StartFile:
-    """A record as it is stored.
+    """A record as it is stored."""
 
-    Attributes
-    ----------
-    turbine : str
-        Name.
-    dimensions : tuple of float
-        See `dimensions`.
-    controller : str
-        Name.
-    level : float
-        Demanded power over the available one [-].
-    kind : str
-        See `wt_gym.envs.running_record.ControllerForm`.
-    n_motion : int
-        Numbers of the motion of the structure.
-    canary : Canary
-        `record_canary` of the version of the package that recorded.
-    turbine_digest : str
-        Of a record of the user: `digest_of_turbine`.
-    """
-
-    turbine: str
-    dimensions: tuple[float, ...]
+    turbine: str  #: Name
+    dimensions: tuple[float, ...]  #: See `dimensions`
     fidelity: str
-    controller: str
-    level: float
-    kind: str
-    n_motion: int
-    canary: Canary
-    turbine_digest: str = ""
+    controller: str  #: Name
+    level: float  #: Demanded power over the available one [-]
+    kind: str  #: See `wt_gym.envs.running_record.ControllerForm`
+    n_motion: int  #: Numbers of the motion of the structure
+    canary: Canary  #: `record_canary` of the version of the package that recorded
+    turbine_digest: str = ""  #: Of a record of the user: `digest_of_turbine`
 
     @classmethod
     def of(cls, path: Path) -> StartFile:
@@ -113,9 +87,8 @@ class StartFile:
 
     def fits(self, turbine: Turbine) -> bool:
         """Return True if name and dimensions are those of a turbine, which may turn in the other sense."""
-        return self.turbine == turbine.name and np.allclose(
-            np.abs(self.dimensions), np.abs(dimensions(turbine)), rtol=_SAME
-        )
+        sizes = np.abs(self.dimensions), np.abs(dimensions(turbine))
+        return self.turbine == turbine.name and np.allclose(*sizes, rtol=_SAME)
 
     def mirrors(self, turbine: Turbine) -> bool:
         """Return True if the recorded rotor turns in the other sense than that of a turbine."""
@@ -159,13 +132,7 @@ def recorded_speeds(turbine: Turbine) -> NDArray[np.float64]:
 
 
 def find_record(turbine: Turbine, level: float) -> tuple[StartFile, Record] | None:
-    """Record of a turbine, in the package or of the user; None where there is none.
-
-    Parameters
-    ----------
-    level : float
-        Demanded power over the available one [-]; the record with the nearest level is taken.
-    """
+    """Record of a turbine, of the package or the user, with the nearest `StartFile.level`; None where there is none."""
     path = _path_of(turbine, level)
     record = None if path is None else _read(path)
     return None if path is None or record is None else (_heads()[path], record)
@@ -194,11 +161,6 @@ def make_recorder(turbine: Turbine, fidelity: str, controller: str, level: float
 def record_canary(turbine: Turbine, fidelity: str, controller: str, level: float) -> Canary:
     """Canary of a record: instants of a short run in turbulence, at a site that is the same for all.
 
-    Parameters
-    ----------
-    turbine, fidelity, controller, level
-        As in `make_recorder`.
-
     Raises
     ------
     wt_gym.base.errors.SimulationError
@@ -212,8 +174,7 @@ def record_canary(turbine: Turbine, fidelity: str, controller: str, level: float
         rows = make_recorder(sited, fidelity, controller, level, speed).run(inflow, _CANARY_PLAN).rows
         n_motion = rows.shape[1] - RowLayout.of(turbine.n_blades, 0).memory.start
         places = RowLayout.of(turbine.n_blades, n_motion)._asdict().items()
-        named = {f"{part}[{k}]": row for part, place in places for k, row in enumerate(rows.T[place])}
-        return {name: canary_text(row) for name, row in named.items()}
+        return {f"{part}[{k}]": canary_text(row) for part, place in places for k, row in enumerate(rows.T[place])}
 
     return cached_canary("record", fingerprint(turbine, fidelity, controller, level), measure)
 
@@ -321,13 +282,9 @@ def _packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.f
     return codes.transpose(0, 2, 1).astype(np.uint16), low, unit
 
 
-_log = logging.getLogger(__name__)
-_SEED = 7_777_000
-"""First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s."""
-_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8}
-"""Winds at a wind speed: most for turbines of tasks."""
-_ATTEMPTS = 3
-"""Winds of a run: a gust may stop a turbine at cut-out by its overspeed."""
+_SEED = 7_777_000  # First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s
+_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8}  # Winds at a wind speed: most for turbines of tasks
+_ATTEMPTS = 3  # Winds of a run: a gust may stop a turbine at cut-out by its overspeed
 
 
 @dataclass(frozen=True)
@@ -336,23 +293,15 @@ class RecordedTurbine:
 
     Attributes
     ----------
-    turbine : str
-        Name or path.
-    controller : str
-        Name.
-    level : float
-        Demanded power over the available one [-]; 1: nothing is demanded.
     fidelity : str, optional
         Of the runs, by default that which suits the blades (`wt_gym.simulation.fidelity.suited_fidelity`).
-    runs : int
-        Winds at a wind speed.
     """
 
-    turbine: str
-    controller: str = "discon"
-    level: float = 1.0
+    turbine: str  #: Name or path
+    controller: str = "discon"  #: Name
+    level: float = 1.0  #: Demanded power over the available one [-]; 1: nothing is demanded
     fidelity: str | None = None
-    runs: int = 8
+    runs: int = 8  #: Winds at a wind speed
 
     @property
     def name(self) -> str:
@@ -370,17 +319,14 @@ class RecordedTurbine:
         turbine = load_turbine(self.turbine)
         return fingerprint(turbine, self.run_fidelity, self.controller, self.level, self.runs, PLAN)[:16]
 
-    def recorder(self, speed: float) -> StartRecorder:
-        """Recorder at a wind speed [m/s]."""
-        return make_recorder(load_turbine(self.turbine), self.run_fidelity, self.controller, self.level, speed)
-
     def canary(self) -> Canary:
         """Canary of the record."""
         return record_canary(load_turbine(self.turbine), self.run_fidelity, self.controller, self.level)
 
     def inflow(self, speed: float, run: int) -> TurbulentInflow:
         """Wind of a run at a wind speed [m/s]."""
-        return _winds(load_turbine(self.turbine)).turbulence(speed, _SEED + 1000 * round(speed) + run)
+        winds = WindSampler(load_turbine(self.turbine), WindOptions(inflow="turbulent"))
+        return winds.turbulence(speed, _SEED + 1000 * round(speed) + run)
 
     def run(self, speed: float, run: int) -> Instants:
         """Record a run at a wind speed [m/s], in another wind where the turbine does not come through that of the run.
@@ -390,13 +336,15 @@ class RecordedTurbine:
         wt_gym.base.errors.SimulationError
             If it comes through none of `_ATTEMPTS`.
         """
-        recorder = self.recorder(speed)
-        for attempt in range(_ATTEMPTS - 1):
+        turbine = load_turbine(self.turbine)
+        recorder = make_recorder(turbine, self.run_fidelity, self.controller, self.level, speed)
+        for attempt in range(_ATTEMPTS):
             try:
                 return recorder.run(self.inflow(speed, run + attempt * self.runs), PLAN)
             except SimulationError as error:
                 _log.info("%s does not run in wind %d at %g m/s (%s)", self.turbine, run, speed, error)
-        return recorder.run(self.inflow(speed, run + (_ATTEMPTS - 1) * self.runs), PLAN)
+                failure = error
+        raise failure
 
 
 CATALOG = (
@@ -406,11 +354,6 @@ CATALOG = (
 """Records of the package: they serve every id of an environment with its default options."""
 
 
-@lru_cache(maxsize=1)
-def _winds(turbine: Turbine) -> WindSampler:
-    return WindSampler(turbine, WindOptions(inflow="turbulent"))
-
-
 def make_record(
     recorded: RecordedTurbine, path: Path, pieces: Path, processes: int, report: Callable[[int, int], None]
 ) -> None:
@@ -418,8 +361,6 @@ def make_record(
 
     Parameters
     ----------
-    path : pathlib.Path
-        Of the file.
     pieces : pathlib.Path
         Folder of the runs that are done: they are not made again. With the file they are removed.
     report : callable

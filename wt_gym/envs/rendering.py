@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -21,27 +21,18 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
-__all__ = ["Renderer"]
-
 _WINDOW = 60.0
 _RPM = 30 / np.pi
 
 
 class Renderer(Term):
-    """Draws an environment.
+    """Draws an environment with its operation."""
 
-    Parameters
-    ----------
-    operation : Operation, optional
-        Of the environment.
-    width, height : int
-        Size of the picture in pixels.
-    """
+    def __init__(self, turbine: Turbine, operation: Operation):
 
-    def __init__(self, turbine: Turbine, operation: Operation | None = None, width: int = 960, height: int = 540):
         self._history: deque[tuple[float, ...]] = deque()
-        self._arguments = turbine, operation, width, height
-        self._figure = Figure(figsize=(width / 100, height / 100), dpi=100, facecolor="white")
+        self._arguments = turbine, operation
+        self._figure = Figure(figsize=(9.6, 5.4), dpi=100, facecolor="white")  # 960 by 540 pixels
         self._canvas = FigureCanvasAgg(self._figure)
         self._build_scene(turbine)
         self._build_strips(turbine)
@@ -59,7 +50,7 @@ class Renderer(Term):
     def begin(self, _: Beginning) -> None:
         """Start with the first signals of an episode."""
         self._history.clear()
-        self.record(cast("Operation", self._arguments[1]).signals)
+        self.record(self._arguments[1].signals)
 
     def follow(self, transition: Transition) -> None:
         """Take the signals after a step."""
@@ -83,7 +74,7 @@ class Renderer(Term):
         """Continue with a course of the signals; without one the present signals begin it."""
         self._history = deque(memory.get("history", ()))
         if not self._history:
-            self.record(cast("Operation", self._arguments[1]).signals)
+            self.record(self._arguments[1].signals)
 
     def draw(self, geometry: Mapping[str, np.ndarray] | None) -> np.ndarray:
         """Draw the turbine and the recorded signals.
@@ -104,8 +95,7 @@ class Renderer(Term):
         return np.array(self._canvas.buffer_rgba())[..., :3].copy()
 
     def _build_scene(self, turbine: Turbine) -> None:
-        axes = self._figure.add_axes((0.0, 0.0, 0.62, 0.93))
-        self._scene = Scene(axes, turbine)
+        self._scene = Scene(self._figure.add_axes((0.0, 0.0, 0.62, 0.93)), turbine)
         self._label = self._figure.text(0.02, 0.965, "", color=INK, fontsize=11, va="top")
 
     def _build_strips(self, turbine: Turbine) -> None:
@@ -125,15 +115,8 @@ class Renderer(Term):
             axes.tick_params(labelbottom=i == len(rows) - 1)
             if limit is not None:
                 axes.axhline(limit, color=GRAY, linewidth=0.8, linestyle="--")
-                axes.text(
-                    1.0,
-                    1.03,
-                    f"dashed: rated, {limit:.4g}",
-                    transform=axes.transAxes,
-                    ha="right",
-                    fontsize=7,
-                    color=GRAY,
-                )
+                style: dict[str, Any] = {"ha": "right", "fontsize": 7, "color": GRAY, "transform": axes.transAxes}
+                axes.text(1.0, 1.03, f"dashed: rated, {limit:.4g}", **style)
             (line,) = axes.plot([], [], color=BLUE, linewidth=1.2)
             self._strips.append((axes, line, limit))
         axes.set_xlabel("Time [s]", fontsize=8, color=INK, labelpad=1)
@@ -143,7 +126,7 @@ class Renderer(Term):
         if not len(table):
             return
         time = table[:, 0]
-        self._label.set_text(f"{self._arguments[0].title.partition(',')[0]}, {time[-1]:.1f} s")
+        self._label.set_text(f"{self._arguments[0].heading.partition(',')[0]}, {time[-1]:.1f} s")
         for (axes, line, limit), values in zip(self._strips, table[:, 1:].T, strict=True):
             line.set_data(time, values)
             shown = values if limit is None else np.append(values, limit)

@@ -17,18 +17,11 @@ from wt_gym.envs.power_reference import PowerTracking
 from wt_gym.envs.terms import bounded_square
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from wt_gym.envs.terms import RewardTerm, Transition
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
 
     Part: TypeAlias = str | RewardTerm | Callable[[Transition], float]
-
-__all__ = [
-    "DEFAULT_WEIGHTS", "ActuatorUse", "FunctionTerm", "Overspeed", "RewardOptions", "TipDeflection", "TowerLoad",
-    "compose", "reset", "total", "worst_rate",
-]  # fmt: skip
 
 
 class FunctionTerm:
@@ -211,19 +204,13 @@ def compose(reward: Mapping[str, float] | Part | Iterable[Part] | None) -> tuple
     >>> [term.name for term in compose(["power", lambda step: -abs(step.after["tower_top_fore_aft"])])]
     ['power', 'function']
     """
-    if reward is None:
-        reward = {}
-    if isinstance(reward, Mapping):
-        for name in reward:
+    if reward is None or isinstance(reward, Mapping):
+        for name in reward or ():
             _check_name(name)
-        weights = check_mapping("reward", reward)
-        terms: list[RewardTerm] = [
-            cls(weight=weights[name]) if name in reward else cls() for name, cls in _TERMS.items()
-        ]
-    elif isinstance(reward, str) or callable(reward):
-        terms = [_term(reward)]
-    elif isinstance(reward, Iterable):
-        terms = [_term(part) for part in reward]
+        weights = DEFAULT_WEIGHTS | check_mapping("reward", reward or {})
+        terms: list[RewardTerm] = [cls(weight=weights[name]) for name, cls in _TERMS.items()]
+    elif isinstance(reward, str | Iterable) or callable(reward):
+        terms = [_term(part) for part in ([reward] if isinstance(reward, str) or callable(reward) else reward)]
     else:
         raise ValueError(
             "reward must map names of terms to weights, or be a name, a function of a step, a term or several of them, "
@@ -234,9 +221,7 @@ def compose(reward: Mapping[str, float] | Part | Iterable[Part] | None) -> tuple
             raise ValueError(f"a reward term needs a name, a weight and must be callable, got {term!r}")
         weight = check_number(f"the weight of reward term {term.name!r}", term.weight, finite=False)
         if not 0 <= weight < math.inf:
-            raise ValueError(
-                f"the weight of reward term {term.name!r} must be finite and not negative, got {term.weight}"
-            )
+            raise ValueError(f"the weight of reward term {term.name!r} must be finite and not negative, got {weight}")
     kept = tuple(copy.deepcopy(term) for term in terms if term.weight > 0)
     if not kept or len({term.name for term in kept}) != len(kept):
         raise ValueError(f"reward needs at least one term and different names, got {[term.name for term in kept]}")
@@ -295,15 +280,7 @@ def worst_rate(terms: Iterable[RewardTerm]) -> float:
 
 
 def total(terms: Iterable[RewardTerm], transition: Transition) -> tuple[float, dict[str, float]]:
-    """Reward of a step and its terms.
-
-    Returns
-    -------
-    reward : float
-        Sum of the terms.
-    values : dict
-        Name to value, each already multiplied by the step's length.
-    """
+    """Reward of a step, the sum of its terms, and the terms by name, each multiplied by the length of the step."""
     values = {term.name: float(term(transition)) * transition.dt for term in terms}
     return float(sum(values.values())), values
 

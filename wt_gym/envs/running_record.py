@@ -25,6 +25,7 @@ from wt_gym.control.controllers import WithDemandedPower, checked_demand, readin
 from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of, remember
 from wt_gym.control.operating_point import starting_point
 from wt_gym.control.sensors import to_blades, to_fixed_frame
+from wt_gym.envs.power import AZIMUTHS, RINGS, disc_points
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, parities
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -38,61 +39,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "PLAN", "WINDOWS", "ControllerForm", "Instants", "Record", "RecordingPlan", "RowLayout", "Start",
-    "StartRecorder", "Trail", "kind_of", "rotor_wind", "time_scale",
-]  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Trail:
-    """Signals at times before the start of an episode, the latest last.
-
-    Attributes
-    ----------
-    signals : numpy.ndarray, shape (n_times, n_channels)
-        Not a number where a signal is not recorded.
-    spacing : float
-        Between the times, and from the last one to the start [s].
-    """
-
-    signals: np.ndarray
-    spacing: float
-
-
-@dataclass(frozen=True)
-class ControllerMemory:
-    """Memory of a controller that ran before the start of an episode.
-
-    Attributes
-    ----------
-    kind : str
-        Module and name of its class.
-    memory : Memory
-        Parameters included.
-    changing : numpy.ndarray, shape (n_parts,), bool
-        Parts that are no parameters.
-    """
-
-    kind: str
-    memory: Memory
-    changing: NDArray[np.bool_]
-
-    def put(self, controller: Controller) -> None:
-        """Put it into a controller of that kind and with those parameters, or into such a base of it; into no other."""
-        inner: Any = controller
-        while inner is not None and kind_of(inner) != self.kind:
-            inner = getattr(inner, "base", None)
-        if inner is None:
-            return
-        values, sizes = memory_of(inner)
-        if not np.array_equal(sizes, self.memory.sizes):
-            return
-        # a number that the first step sets, as the step of a filter, is none before
-        fixed = np.repeat(~self.changing, sizes) & ~np.isnan(values)
-        if np.allclose(values[fixed], self.memory.values[fixed], rtol=1e-6, atol=0.0, equal_nan=True):
-            remember(inner, self.memory, self.changing)
-
 
 def kind_of(controller: Controller) -> str:
     """Module and name of the class of a controller."""
@@ -105,39 +51,25 @@ class Start:
 
     Attributes
     ----------
-    rotor_speed : float
-        [rad/s].
-    pitch : numpy.ndarray, shape (n_blades,)
-        [rad].
-    generator_torque : float
-        High-speed shaft [N m].
-    azimuth : float
-        Of blade 1 [rad].
     tower_top : numpy.ndarray, shape (4,), optional
         As `wt_gym.simulation.Simulator.reset` takes it; None: at rest in balance.
     motion : numpy.ndarray, shape (n,), optional
         Of the structure, as `wt_gym.simulation.Simulator.reset` takes it, where fidelity and azimuth are those of the
         record.
-    wake_thrust : float, optional
-        Mean thrust of the air in the time before, to which the wake belongs [N].
     deviations : dict
         Of the running means of channels from their present values, by name.
-    memory : ControllerMemory, optional
-        Of the controller that ran before.
-    trail : Trail, optional
-        Signals before.
     """
 
-    rotor_speed: float
-    pitch: np.ndarray
-    generator_torque: float
-    azimuth: float
+    rotor_speed: float  #: [rad/s]
+    pitch: np.ndarray  #: shape (n_blades,), [rad]
+    generator_torque: float  #: High-speed shaft [N m]
+    azimuth: float  #: Of blade 1 [rad]
     tower_top: np.ndarray | None = None
     motion: np.ndarray | None = None
-    wake_thrust: float | None = None
+    wake_thrust: float | None = None  #: Mean thrust of the air in the time before, to which the wake belongs [N]
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
-    memory: ControllerMemory | None = None
-    trail: Trail | None = None
+    memory: ControllerForm | None = None  #: Of the controller that ran before
+    trail: np.ndarray | None = None  #: shape (n_channels,), means of the signals before; NaN where not recorded
 
     def mirrored(self, n_blades: int) -> Start:
         """Start of the mirror image of the turbine in the mirrored wind, see `wt_gym.simulation.channels`.
@@ -151,28 +83,17 @@ class Start:
             self,
             tower_top=None if self.tower_top is None else self.tower_top * TOWER_TOP_PARITIES,
             deviations={name: deviation * of[name] for name, deviation in self.deviations.items()},
-            trail=None if self.trail is None else replace(self.trail, signals=self.trail.signals * signs),
+            trail=None if self.trail is None else self.trail * signs,
         )
 
     def start(self, controller: Controller, readings: Readings, demand: Demand) -> None:
-        """Start a controller from the present demand, with the memory that fits it.
-
-        Parameters
-        ----------
-        readings : Readings
-            Of the present instant.
-        demand : Demand
-            Of the present instant.
-        """
+        """Start a controller from the present demand and readings, with the memory that fits it."""
         controller.start(readings, demand)
         if self.memory is not None:
             self.memory.put(controller)
 
     def averaged(self, signals: Signals) -> Signals:
-        """Signals with the running means in place of the present values of the loads.
-
-        The difference of a load from its mean is that of the record; in another wind both may be higher.
-        """
+        """Signals with the running means in place of the present values of the loads."""
         if not self.deviations:
             return signals
         averaged = Signals(signals.values.copy(), signals.n_blades)
@@ -183,21 +104,11 @@ class Start:
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """Lengths of a recorded run; times of the pace of a large turbine [s].
+    """Lengths of a recorded run; times of the pace of a large turbine [s]."""
 
-    Attributes
-    ----------
-    settling : float
-        Left out at the start of a run: the side-side motion of the 5-MW decays by half in 100 s.
-    instants : int
-        Recorded of a run.
-    spacing : float
-        Between them.
-    """
-
-    settling: float = 220.0
-    instants: int = 16
-    spacing: float = 24.0
+    settling: float = 220.0  #: Left out at the start of a run: the side-side motion of the 5-MW decays by half in 100 s
+    instants: int = 16  #: Recorded of a run
+    spacing: float = 24.0  #: Between them
 
 
 PLAN = RecordingPlan()
@@ -208,24 +119,18 @@ WINDOWS = (0.0, 1.0, 3.0, 6.0, 12.0)
 """Times before the start between which the wind is averaged [s]; the first window is the instant itself."""
 FOLLOWS = ("rotor_speed", "pitch", "generator_torque", "aero_thrust", "tower_top_fore_aft")
 """Motion that decides which instants are alike, with the tilt and yaw moments of the rotor."""
-_LATEST = 3
-"""Place of the mean wind of the first window before an instant in the history of the wind."""
-_REMEMBERED = 3
-"""Windows over which the wind across the rotor counts: the bending of blades follows it within seconds."""
+_LATEST = 3  # Place of the mean wind of the first window before an instant in the history of the wind
+_REMEMBERED = 3  # Windows over which the wind across the rotor counts: the bending of blades follows it within seconds
 NEAREST = 8
 """Instants alike from which one is drawn."""
-_SPEED_SPREAD = 1.0
-"""Difference of the mean wind speed that counts like a standard deviation of the motion [m/s]."""
+_SPEED_SPREAD = 1.0  # Difference of the mean wind speed that counts like a standard deviation of the motion [m/s]
 _SLOW_TURN = 2.0 * math.pi / 1.267
 """Seconds a turn of a large turbine: times are shorter by as much as a small one turns faster."""
-_WASHOUT = 20.0
-"""Time constant of the means of signals with which a washout of observations starts [s]."""
-_MEAN_TIME = 10.0
-"""Time constant of the running means of loads [s], that of the rewards' filters."""
+_WASHOUT = 20.0  # Time constant of the means of signals with which a washout of observations starts [s]
+_MEAN_TIME = 10.0  # Time constant of the running means of loads [s], that of the rewards' filters
 _RECORDED = ("rotor_speed", "azimuth", "generator_speed", "generator_torque", "generator_power", "aero_thrust",
              "tower_top_fore_aft", "pitch", *AVERAGED)  # fmt: skip
-_FARTHEST = 0.3
-"""Difference of the winds just before two instants, over the wind, beyond which they are not alike."""
+_FARTHEST = 0.3  # Difference of the winds just before two instants, over the wind, beyond which they are not alike
 
 
 def time_scale(turbine: Turbine) -> float:
@@ -234,42 +139,22 @@ def time_scale(turbine: Turbine) -> float:
 
 
 class RowLayout(NamedTuple):
-    """Places of the parts of an instant.
+    """Places of the parts of an instant."""
 
-    Attributes
-    ----------
-    signals, lasting : slice
-        Signals `_RECORDED`, and their means over the time before.
-    tower_top : slice
-        As `wt_gym.simulation.Simulator.reset` takes it.
-    means : slice
-        Running means of the loads `AVERAGED`.
-    turning : slice
-        Azimuth and speed of the low-speed shaft.
-    history : slice
-        Wind before, see `_averaged`.
-    thrust : slice
-        Mean over the windows before [N].
-    motion : slice
-        Of the structure, nothing where the fidelity takes none.
-    memory : slice
-        Numbers of the controller that change; to the end.
-    """
-
-    signals: slice
-    lasting: slice
-    tower_top: slice
-    means: slice
-    turning: slice
-    history: slice
-    thrust: slice
-    motion: slice
-    memory: slice
+    signals: slice  #: Signals `_RECORDED`, and their means over the time before
+    lasting: slice  #: Signals `_RECORDED`, and their means over the time before
+    tower_top: slice  #: As `wt_gym.simulation.Simulator.reset` takes it
+    means: slice  #: Running means of the loads `AVERAGED`
+    turning: slice  #: Azimuth and speed of the low-speed shaft
+    history: slice  #: Wind before, see `_averaged`
+    thrust: slice  #: Mean over the windows before [N]
+    motion: slice  #: Of the structure, nothing where the fidelity takes none
+    memory: slice  #: Numbers of the controller that change; to the end
 
     @classmethod
     def of(cls, n_blades: int, n_motion: int) -> RowLayout:
         """RowLayout for so many blades and numbers of the motion of the structure."""
-        n_signals, n_means = (sum(_width(name, n_blades) for name in names) for names in (_RECORDED, AVERAGED))
+        n_signals, n_means = (sum(len(_places(n_blades)[name]) for name in names) for names in (_RECORDED, AVERAGED))
         counts = n_signals, n_signals, 4, n_means, 2, _N_KNOWN, 1, n_motion
         ends = np.cumsum(counts).tolist()
         parts = [slice(end - count, end) for end, count in zip(ends, counts, strict=True)]
@@ -277,36 +162,24 @@ class RowLayout(NamedTuple):
 
 
 class Instants(NamedTuple):
-    """Instants of a turbine in one wind.
+    """Instants of a turbine in one wind."""
 
-    Attributes
-    ----------
-    rows : numpy.ndarray, shape (n_instants, n_columns)
-        See `RowLayout`; without the memory of the controller.
-    memories : list of Memory
-        Of the controller.
-    """
-
-    rows: NDArray[np.float64]
-    memories: list[Memory]
+    rows: NDArray[np.float64]  #: shape (n_instants, n_columns), see `RowLayout`; without the memory of the controller
+    memories: list[Memory]  #: Of the controller
 
 
 class StartRecorder:
-    """Records a turbine under a controller.
+    """Records a turbine under a controller, which is copied for each run.
 
     Parameters
     ----------
-    controller : Controller
-        Is copied for each run.
     demanded_power : float, optional
         Power that a grid operator asks for [W].
     """
 
     def __init__(self, turbine: Turbine, fidelity: str, controller: Controller, demanded_power: float | None = None):
-        self.turbine, self.fidelity, self.controller = turbine, fidelity, controller
+        self.turbine, self.fidelity, self.controller = turbine, fidelity_of(fidelity), controller
         self._demanded_power = demanded_power
-        self.time_scale = time_scale(turbine)
-        self._takes_motion = fidelity_of(fidelity).takes_motion
 
     def run(self, inflow: Inflow, plan: RecordingPlan = PLAN) -> Instants:
         """Run the turbine in a wind.
@@ -316,41 +189,36 @@ class StartRecorder:
         wt_gym.base.errors.SimulationError
             If the simulation fails.
         """
-        turbine, controller = self.turbine, copy.deepcopy(self.controller)
-        simulator = Simulator(turbine, inflow, fidelity_of(self.fidelity))
+        turbine, controller, n = self.turbine, copy.deepcopy(self.controller), self.turbine.n_blades
+        simulator = Simulator(turbine, inflow, self.fidelity)
         point = starting_point(turbine, inflow)
         signals = simulator.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
-        demand = Demand(np.array(signals.pitch), 0.0, signals.generator_torque)
         readings = self._readings(controller, signals, inflow)
-        controller.start(readings, demand)
-        dt, scale = simulator.time_step, self.time_scale
+        controller.start(readings, Demand(np.array(signals.pitch), 0.0, signals.generator_torque))
+        dt, scale = simulator.time_step, time_scale(turbine)
         settling, spacing = (round(scale * time / dt) for time in (plan.settling, plan.spacing))
         gain, slow_gain = (-math.expm1(-dt / (scale * time)) for time in (_MEAN_TIME, _WASHOUT))
-        present = _loads(signals)
-        means, lasting = present, _unturned(signals)
+        means, lasting = _loads(signals), _unturned(signals)
         thrusts: deque[float] = deque(maxlen=max(round(scale * WINDOWS[-1] / dt), 1))
         rows: list[NDArray[np.float64]] = []
         memories: list[Memory] = []
         for k in range(1, settling + (plan.instants - 1) * spacing + 1):
-            demand = checked_demand(controller.step(readings, dt), controller, turbine.n_blades)
+            demand = checked_demand(controller.step(readings, dt), controller, n)
             torque = demand.generator_torque if turbine.drivetrain.takes_torque else 0.0
             signals = simulator.advance(dt, demand.pitch, 0.0, torque)
             readings = self._readings(controller, signals, inflow)
-            present = _loads(signals)
-            means = means + gain * (present - means)
+            means = means + gain * (_loads(signals) - means)
             lasting = lasting + slow_gain * (_unturned(signals) - lasting)
             thrusts.append(signals["aero_thrust"])
             if k >= settling and (k - settling) % spacing == 0:
                 y, s = simulator.coupling.integrator.state, simulator.structure
-                turning = y[s.azimuth_q] % (2.0 * math.pi), y[s.system.n_q + s.azimuth_u]
-                history = wind_history(inflow, turbine, 0.0, k * dt)
-                motion = simulator.motion() if self._takes_motion else np.empty(0)
-                rows.append(
-                    np.concatenate([
-                        _signals(signals), _turned(lasting, signals["azimuth"], turbine.n_blades),
-                        simulator.tower_top(), means, turning, history, [np.mean(thrusts)], motion,
-                    ])
+                parts = (
+                    _signals(signals), _turned(lasting, signals["azimuth"], n), simulator.tower_top(), means,
+                    [y[s.azimuth_q] % (2.0 * math.pi), y[s.system.n_q + s.azimuth_u]],
+                    wind_history(inflow, turbine, 0.0, k * dt), [np.mean(thrusts)],
+                    simulator.motion() if self.fidelity.takes_motion else (),
                 )  # fmt: skip
+                rows.append(np.concatenate(parts))
                 memories.append(memory_of(controller))
         return Instants(np.array(rows), memories)
 
@@ -366,18 +234,12 @@ class ControllerForm(NamedTuple):
     ----------
     kind : str
         Module and name of its class; empty: nothing is recorded, and controllers start from the present demand.
-    values : numpy.ndarray, shape (n,)
-        All numbers at one instant.
-    sizes : numpy.ndarray, shape (n_parts,), int
-        As of a `Memory`.
-    changing : numpy.ndarray, shape (n_parts,), bool
-        Parts that differ between instants; the others are its parameters.
     """
 
     kind: str
-    values: NDArray[np.float64]
-    sizes: NDArray[np.int_]
-    changing: NDArray[np.bool_]
+    values: NDArray[np.float64]  #: shape (n,), all numbers at one instant
+    sizes: NDArray[np.int_]  #: shape (n_parts,), as of a `Memory`
+    changing: NDArray[np.bool_]  #: shape (n_parts,), parts that differ between instants; the others are its parameters
 
     @classmethod
     def of(cls, controller: Controller, memories: list[Memory]) -> ControllerForm:
@@ -387,22 +249,27 @@ class ControllerForm(NamedTuple):
             return cls("", np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=bool))
         return cls(kind_of(controller), values, sizes, changing_parts(memories))
 
-    @property
-    def n_numbers(self) -> int:
-        """Recorded numbers."""
-        return int(self.sizes[self.changing].sum())
-
     def numbers(self, memories: list[Memory]) -> NDArray[np.float64]:
         """Recorded numbers of some memories (n_memories, n_numbers)."""
         return np.array([memory.values[: len(self.values)][self._recorded] for memory in memories])
 
-    def memory(self, numbers: NDArray[np.float64]) -> ControllerMemory | None:
+    def memory(self, numbers: NDArray[np.float64]) -> ControllerForm | None:
         """Memory with recorded numbers (n_numbers,)."""
-        if not self.kind:
-            return None
         values = self.values.copy()
         values[self._recorded] = numbers
-        return ControllerMemory(self.kind, Memory(values, self.sizes), self.changing)
+        return self._replace(values=values) if self.kind else None
+
+    def put(self, controller: Controller) -> None:
+        """Put it into a controller of that kind and with those parameters, or into such a base of it; into no other."""
+        inner: Any = controller
+        while inner is not None and kind_of(inner) != self.kind:
+            inner = getattr(inner, "base", None)
+        if inner is None or not np.array_equal((present := memory_of(inner)).sizes, self.sizes):
+            return
+        # a number that the first step sets, as the step of a filter, is none before
+        fixed = np.repeat(~self.changing, self.sizes) & ~np.isnan(present.values)
+        if np.allclose(present.values[fixed], self.values[fixed], rtol=1e-6, atol=0.0, equal_nan=True):
+            remember(inner, Memory(self.values, self.sizes), self.changing)
 
     @property
     def _recorded(self) -> NDArray[np.bool_]:
@@ -439,12 +306,12 @@ class Record:
         self._explained = self._history @ self._follows
         self._responses = np.array([_linear_fit(*parts) for parts in zip(self._history, rows, strict=True)])
         for turns in (columns.signals, columns.lasting):
-            self._responses[:, :, turns.start + _places("azimuth", n_blades)] = 0.0
+            self._responses[:, :, turns.start + _places(n_blades)["azimuth"]] = 0.0
         self._responses[:, :, columns.turning.start] = 0.0
         whole = (rows[:, :, columns.memory] == np.round(rows[:, :, columns.memory])).all(axis=(0, 1))
         self._responses[:, :, columns.memory] *= ~whole  # counters and flags
         self._rows, self._per_speed = rows.reshape(-1, rows.shape[-1]), rows.shape[1]
-        self._rotor_speed = rows[:, :, _places("rotor_speed", n_blades)[0]]
+        self._rotor_speed = rows[:, :, _places(n_blades)["rotor_speed"][0]]
 
     def start(
         self, turbine: Turbine, inflow: Inflow, speed: float, yaw: float, number: float, azimuth: float | None,
@@ -484,8 +351,8 @@ class Record:
     ) -> Start:
         """Start at one of the instants, with a change of the columns."""
         row, n, columns = self._rows[instant] + change, self._n_blades, self._columns
-        limits = turbine.pitch.min_pitch, turbine.pitch.max_pitch
-        pitch, recorded = np.clip(row[_places("pitch", n)], *limits), float(row[columns.turning.start])
+        pitch = np.clip(row[_places(n)["pitch"]], turbine.pitch.min_pitch, turbine.pitch.max_pitch)
+        recorded = float(row[columns.turning.start])
         motion = row[columns.motion] if azimuth is None and self._has_motion else None  # blades bend by azimuth
         if azimuth is None:
             azimuth = recorded
@@ -493,25 +360,21 @@ class Record:
             pitch = np.array(to_blades(to_fixed_frame(pitch, recorded), azimuth, n))
         else:
             pitch = np.full(n, pitch.mean())
-        deviations: dict[str, float | NDArray[np.float64]] = {}
-        first = columns.means.start
-        for name in AVERAGED:
-            last = first + _width(name, n)
-            deviation = row[first:last] - row[_places(name, n)]
-            deviations[name] = deviation if last - first > 1 else float(deviation[0])
-            first = last
-        torque = max(float(row[_places("generator_torque", n)[0]]), 0.0) if turbine.drivetrain.takes_torque else 0.0
+        places = [_places(n)[name] for name in AVERAGED]
+        means = np.split(row[columns.means], np.cumsum([len(place) for place in places])[:-1])
+        changes = {name: mean - row[at] for name, mean, at in zip(AVERAGED, means, places, strict=True)}
+        deviations = {name: each if len(each) > 1 else float(each[0]) for name, each in changes.items()}
+        torque = max(float(row[_places(n)["generator_torque"][0]]), 0.0) if turbine.drivetrain.takes_torque else 0.0
         return Start(
             float(row[columns.turning.start + 1]), pitch, torque, azimuth,
             row[columns.tower_top], motion, float(row[columns.thrust.start]), deviations,
             self._controller.memory(row[columns.memory]), self._trail(row[columns.lasting]),
         )  # fmt: skip
 
-    def _trail(self, lasting: NDArray[np.float64]) -> Trail:
-        """Means of the signals before, as one row."""
-        signals = np.full((1, len(channel_table(self._n_blades))), np.nan)
-        signals[0, _recorded_channels(self._n_blades)] = lasting
-        return Trail(signals, _WASHOUT)
+    def _trail(self, lasting: NDArray[np.float64]) -> NDArray[np.float64]:
+        signals = np.full(len(channel_table(self._n_blades)), np.nan)
+        signals[_recorded_channels(self._n_blades)] = lasting
+        return signals
 
 
 def wind_history(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> NDArray[np.float64]:
@@ -521,8 +384,7 @@ def wind_history(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> N
     return _averaged(np.array(wind))
 
 
-_AGES = np.arange(0.0, WINDOWS[-1], 0.5)
-"""Times before an instant at which the wind counts [s]."""
+_AGES = np.arange(0.0, WINDOWS[-1], 0.5)  # Times before an instant at which the wind counts [s]
 
 
 def _averaged(wind: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -536,8 +398,7 @@ def _averaged(wind: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([mean[: 3 if k < _REMEMBERED else 1] for k, mean in enumerate(means)])
 
 
-_N_KNOWN = 3 * _REMEMBERED + len(WINDOWS) - _REMEMBERED
-"""Numbers of `_averaged`."""
+_N_KNOWN = 3 * _REMEMBERED + len(WINDOWS) - _REMEMBERED  # Numbers of `_averaged`
 
 
 def _linear_fit(history: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -551,8 +412,8 @@ def _linear_fit(history: NDArray[np.float64], values: NDArray[np.float64]) -> ND
 
 def _followed(rows: NDArray[np.float64], n_blades: int) -> NDArray[np.float64]:
     """Values of `FOLLOWS` in rows, and the moments of tilt and yaw (n_rows, n)."""
-    columns = [rows[:, _places(name, n_blades)].mean(axis=-1) for name in FOLLOWS]
-    flap, azimuth = rows[:, _places("root_flap_moment", n_blades)], rows[:, _places("azimuth", n_blades)]
+    columns = [rows[:, _places(n_blades)[name]].mean(axis=-1) for name in FOLLOWS]
+    flap, azimuth = rows[:, _places(n_blades)["root_flap_moment"]], rows[:, _places(n_blades)["azimuth"]]
     blades = azimuth + 2.0 * math.pi * np.arange(n_blades) / n_blades
     columns += [(flap * wave(blades)).sum(axis=-1) for wave in (np.cos, np.sin)]
     return np.stack(columns, axis=-1)
@@ -580,19 +441,20 @@ def _turned(lasting: NDArray[np.float64], azimuth: float, n_blades: int) -> NDAr
     values = lasting.copy()
     for place in _of_blades(n_blades):
         values[place] = to_blades(values[place], azimuth, n_blades)
-    values[_places("azimuth", n_blades)] = azimuth
+    values[_places(n_blades)["azimuth"]] = azimuth
     return values
 
 
 def _of_blades(n_blades: int) -> list[NDArray[np.int_]]:
     """Places of the recorded signals of three blades."""
-    return [_places(name, n_blades) for name in _RECORDED if _width(name, n_blades) == n_blades == 3]
+    return [places for places in _places(n_blades).values() if len(places) == n_blades == 3]
 
 
-def _places(name: str, n_blades: int) -> NDArray[np.int_]:
-    """RowLayout of a recorded signal, of the blades together."""
-    first = sum(_width(other, n_blades) for other in itertools.takewhile(lambda other: other != name, _RECORDED))
-    return np.arange(first, first + _width(name, n_blades))
+@cache
+def _places(n_blades: int) -> dict[str, NDArray[np.int_]]:
+    """Places of the recorded signals in a row, of the blades together."""
+    ends = np.cumsum([np.size(_table(n_blades)[name]) for name in _RECORDED]).tolist()
+    return {name: np.arange(*ends_of) for name, ends_of in zip(_RECORDED, itertools.pairwise([0, *ends]), strict=True)}
 
 
 @cache
@@ -603,20 +465,18 @@ def _recorded_channels(n_blades: int) -> NDArray[np.int_]:
 
 
 @cache
-def _width(name: str, n_blades: int) -> int:
-    """Numbers of a signal."""
-    return np.size(_table(n_blades)[name])
-
-
-@cache
 def _table(n_blades: int) -> Signals:
     """Places of the channels, as signals."""
     return Signals(np.arange(len(channel_table(n_blades))), n_blades)  # type: ignore[arg-type]  # places, not values
 
 
-_RINGS = np.sqrt([0.25, 0.75])
-_AZIMUTHS = 2.0 * np.pi * np.arange(6) / 6
-_PLANE = np.stack([np.full(12, 1 / 12), *(np.outer(_RINGS, f(_AZIMUTHS)).ravel() / 3.0 for f in (np.cos, np.sin))])
+_PLANE = np.stack([np.full(12, 1 / 12), *(np.outer(RINGS, f(AZIMUTHS)).ravel() / 3.0 for f in (np.cos, np.sin))])
+
+
+def _disc(turbine: Turbine, yaw: float) -> NDArray[np.float64]:
+    """Points of the rotor disc (12, 3) [m]."""
+    beside, height = disc_points(turbine)
+    return read_only(np.stack([-math.sin(yaw) * beside, math.cos(yaw) * beside, height], axis=-1))
 
 
 def rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> NDArray[np.float64]:
@@ -628,16 +488,6 @@ def rotor_wind(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> NDA
         Mean, and change from the center to the rim, upward and to the left, of the plane through the points [m/s].
     """
     return _over(_disc(turbine, yaw), inflow, yaw, time)
-
-
-def _disc(turbine: Turbine, yaw: float) -> NDArray[np.float64]:
-    """Points of the rotor disc (12, 3) [m]."""
-    disc = np.zeros((_RINGS.size, _AZIMUTHS.size, 3))
-    ring = turbine.rotor_diameter / 2 * _RINGS
-    beside = np.outer(ring, np.sin(_AZIMUTHS))
-    disc[..., 0], disc[..., 1] = -math.sin(yaw) * beside, math.cos(yaw) * beside
-    disc[..., 2] = turbine.hub_height + np.outer(ring, np.cos(_AZIMUTHS))
-    return read_only(disc.reshape(-1, 3))
 
 
 def _over(disc: NDArray[np.float64], inflow: Inflow, yaw: float, time: float) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ from wt_gym.simulation.drivetrain.faults import GeneratorLoss, ShutDown, Voltage
 from wt_gym.turbines.variants import unloaded_clearance
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
     from gymnasium.envs.registration import EnvSpec
 
@@ -40,11 +40,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
-
-__all__ = [
-    "COST_NAMES", "IDLE_POWER", "LEAST_SPELL", "PITCH_TRAVEL", "Costs", "EpisodeLength", "IdleClock",
-    "LimitOptions", "Limits", "registered_limit", "standstill_limit", "tip_clearance", "violated",
-]  # fmt: skip
 
 PITCH_TRAVEL = "pitch_travel"
 COST_LIMITS = {PITCH_TRAVEL: "rad/d", "rotor_speed": "-", "tip_clearance": "m", "tower_acceleration": "m/s^2"}
@@ -98,33 +93,15 @@ class LimitOptions(Options):
 
 @dataclass
 class Limits:
-    """Limits that terminate an episode.
+    """Limits that terminate an episode."""
 
-    Attributes
-    ----------
-    rated : float
-        Rotor speed [rad/s].
-    overspeed, standstill : float
-        Highest and lowest rotor speed over rated.
-    penalty : float
-        Subtracted from the reward on termination.
-    """
-
-    rated: float
-    overspeed: float
-    standstill: float
-    penalty: float
+    rated: float  #: Rotor speed [rad/s]
+    overspeed: float  #: Highest and lowest rotor speed over rated
+    standstill: float  #: Highest and lowest rotor speed over rated
+    penalty: float  #: Subtracted from the reward on termination
 
     def ending(self, signals: Signals, clearance: float) -> str | None:
-        """Why the episode is terminated, if it is.
-
-        Parameters
-        ----------
-        signals : Signals
-            After a step.
-        clearance : float
-            Smallest one of a tip during the step, see `tip_clearance` [m].
-        """
+        """Why the episode is terminated after a step, if it is; with the `tip_clearance` of the step [m]."""
         if signals["rotor_speed_max"] > self.overspeed * self.rated:
             return "overspeed"
         if signals["rotor_speed"] < self.standstill * self.rated:
@@ -174,11 +151,6 @@ class EpisodeLength:
     control_dt : float
         [s]
 
-    Attributes
-    ----------
-    steps : int or None
-        Control steps after which it ends.
-
     Raises
     ------
     ValueError
@@ -202,7 +174,7 @@ class EpisodeLength:
             Definition of the environment. A `gymnasium.wrappers.TimeLimit` does not tell what it encloses; that of
             the id is known.
         outer_steps : int or None
-            Control steps after which something outside ends an episode, where that is told.
+            Control steps after which something outside ends an episode, where that is known.
         """
         steps = self.steps
         if steps is None:
@@ -210,17 +182,11 @@ class EpisodeLength:
         return None if steps is None else steps * self._control_dt
 
     def warn(self, spec: EnvSpec | None, outer_steps: int | None) -> None:
-        """Warn, once, where the limit of an id ends episodes before the length that they were given.
-
-        Parameters
-        ----------
-        outer_steps : int or None
-            Control steps that episodes are known to end after from outside; None: the limit of the id may stand.
-        """
+        """Warn, once, where the limit of an id ends episodes before the length that they were given; see `longest`."""
         limit, wanted = registered_limit(spec), self.steps
-        if spec is None or limit is None or wanted is None or outer_steps not in (None, limit) or wanted <= limit:
+        if self._told or spec is None or limit is None or wanted is None or wanted <= limit:
             return
-        if self._told:
+        if outer_steps not in (None, limit):
             return
         self._told = True
         gym.logger.warn(
@@ -256,11 +222,7 @@ class Costs:
     """
 
     def __init__(
-        self,
-        turbine: Turbine,
-        control_dt: float,
-        overspeed_limit: float,
-        limits: Mapping[str, float] | None = None,
+        self, turbine: Turbine, control_dt: float, overspeed_limit: float, limits: Mapping[str, float] | None = None
     ):
         rated = turbine.drivetrain.rated_rotor_speed
         self._speed_margin = OVERSPEED_MARGIN * (overspeed_limit - 1.0) * rated
@@ -276,11 +238,7 @@ class Costs:
         speed = (signals["rotor_speed_max"] - self._speed_limit) / self._speed_margin
         clearance = 1.0 - min(signals["tip_clearance_min"].tolist()) / self._clearance
         rate = 1.0 + (max(signals["pitch_travel"].tolist()) / self._travel - 1.0) / PITCH_RATE_MARGIN
-        return {
-            "overspeed": min(max(speed, 0.0), 1.0),
-            "clearance": min(max(clearance, 0.0), 1.0),
-            "pitch_rate": min(max(rate, 0.0), 1.0),
-        }
+        return {name: min(max(x, 0.0), 1.0) for name, x in zip(COST_NAMES, (speed, clearance, rate), strict=True)}
 
     def _beyond(self, name: str, limit: float, signals: Signals) -> float:
         """Cost by a limit of the user."""
@@ -300,13 +258,7 @@ class Costs:
 
 
 def violated(means: Mapping[str, float]) -> tuple[str, ...]:
-    """Limits of the user that an episode violates.
-
-    Parameters
-    ----------
-    means : mapping
-        Mean costs of its steps by name.
-    """
+    """Limits of the user that an episode with these mean costs of its steps violates."""
     return tuple(name for name, mean in means.items() if mean > (1.0 if name == PITCH_TRAVEL else 0.0))
 
 
@@ -323,11 +275,6 @@ class IdleClock(Term):
     between cut-in and cut-out. Nothing has stopped the turbine: no shut-down, loss of the generator or voltage dip has
     begun; the controller is in production (`wt_gym.control.controllers.Supervisor`; stages of ROSCO with ``start_stop``
     are not known); a demanded power is not zero.
-
-    Parameters
-    ----------
-    operation : Operation, optional
-        Of the environment whose steps it follows.
 
     Attributes
     ----------

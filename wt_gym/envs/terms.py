@@ -18,11 +18,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import BladeIce, Turbine
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "Beginning", "EnvSnapshot", "HighPass", "Plant", "Request", "RewardTerm", "Stateful", "Term", "Transition",
-    "bounded_square", "hooks",
-]  # fmt: skip
-
 
 class Stateful:
     """Something that remembers values within an episode, for snapshots."""
@@ -65,16 +60,10 @@ def hooks(terms: Iterable[object], name: str) -> list[Callable[..., Any]]:
 
 @dataclass(frozen=True)
 class Plant:
-    """The turbine that an episode simulates.
-
-    Attributes
-    ----------
-    number : int
-        In the set of a variation; -1: the nominal one.
-    """
+    """The turbine that an episode simulates."""
 
     turbine: Turbine
-    number: int = -1
+    number: int = -1  #: In the set of a variation; -1: the nominal one
     ice: BladeIce | None = None
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
@@ -83,45 +72,21 @@ class Plant:
 
 @dataclass
 class Request:
-    """An episode that is being drawn; every step of `wt_gym.envs.episode_start.DRAW_ORDER` fills in its part.
+    """An episode that is being drawn; every step of `wt_gym.envs.episode_start.DRAW_ORDER` fills in its part."""
 
-    Attributes
-    ----------
-    rng : numpy.random.Generator
-        Random numbers of the beginning: those of the episode, or of a numbered beginning.
-    episode_rng : numpy.random.Generator
-        Random numbers of the episode.
-    seed : int
-        Seed of the random numbers of the episode.
-    seeded : bool
-        The reset gave it.
-    number : int or None
-        Number of the beginning.
-    options : dict
-        Checked options of the reset.
-    length : float or None
-        Length of the episode, where it is known [s].
-    yaw : float
-        Of the nacelle [rad].
-    turns : list of callable
-        Changes of the drawn wind.
-    drawn : dict
-        Results by name of the term.
-    """
-
-    rng: np.random.Generator
-    episode_rng: np.random.Generator
-    seed: int
-    seeded: bool
-    number: int | None
-    options: dict[str, Any]
-    length: float | None
+    rng: np.random.Generator  #: Random numbers of the beginning: those of the episode, or of a numbered beginning
+    episode_rng: np.random.Generator  #: Random numbers of the episode
+    seed: int  #: Seed of the random numbers of the episode
+    seeded: bool  #: The reset gave it
+    number: int | None  #: Number of the beginning
+    options: dict[str, Any]  #: Checked options of the reset
+    length: float | None  #: Length of the episode, where it is known [s]
     winds: WindSampler
     plant: Plant
-    yaw: float
+    yaw: float  #: Of the nacelle [rad]
     faults: tuple[DriveFault | SensorBias, ...]
-    turns: list[Callable[[EpisodeWind], EpisodeWind]] = field(default_factory=list)
-    drawn: dict[str, Any] = field(default_factory=dict)
+    turns: list[Callable[[EpisodeWind], EpisodeWind]] = field(default_factory=list)  #: Changes of the drawn wind
+    drawn: dict[str, Any] = field(default_factory=dict)  #: Results by name of the term
     wind: EpisodeWind = None  # type: ignore[assignment]  # until it is drawn
     start: Start = None  # type: ignore[assignment]  # until it is drawn
 
@@ -132,41 +97,24 @@ class Beginning:
 
     A drawn object may have ``equip(operation)``, which puts it into the operation of the turbine, ``first_info()``,
     its part of the info of a reset, and ``key``, which tells it from others where it changes what a controller does.
-
-    Attributes
-    ----------
-    yaw : float
-        Of the nacelle [rad].
-    drawn : dict
-        Drawn objects by name of the term.
     """
 
     wind: EpisodeWind
     start: Start
-    yaw: float
+    yaw: float  #: Of the nacelle [rad]
     faults: tuple[DriveFault | SensorBias, ...]
     plant: Plant
-    drawn: Mapping[str, Any]
+    drawn: Mapping[str, Any]  #: Drawn objects by name of the term
 
 
 @dataclass(frozen=True)
 class EnvSnapshot:
-    """State from which an environment continues, see `wt_gym.envs.WindTurbineEnv.snapshot`.
+    """State from which an environment continues, see `wt_gym.envs.WindTurbineEnv.snapshot`."""
 
-    Attributes
-    ----------
-    simulator : object or None
-        State of the simulator; None of one that failed.
-    random : dict
-        State of the random numbers.
-    parts : dict
-        Memory by name of the part.
-    """
-
-    simulator: Any
+    simulator: Any  #: State of the simulator; None of one that failed
     wind: EpisodeWind
-    random: dict[str, Any]
-    parts: dict[str, Any]
+    random: dict[str, Any]  #: State of the random numbers
+    parts: dict[str, Any]  #: Memory by name of the part
 
 
 # ---- reward ----

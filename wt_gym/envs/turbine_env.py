@@ -14,7 +14,7 @@ from wt_gym.envs import rewards
 from wt_gym.envs.builder import Parts, build
 from wt_gym.envs.manual import describe, manual
 from wt_gym.envs.operation import make_simulator
-from wt_gym.envs.options import RENDER_MODES, EnvOptions, named_arguments, plain_spec, signature
+from wt_gym.envs.options import RENDER_MODES, EnvOptions, PlainSpec, named_arguments, signature
 from wt_gym.envs.terminations import registered_limit, tip_clearance
 from wt_gym.envs.terms import EnvSnapshot, Stateful, Transition, hooks
 
@@ -22,16 +22,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from gymnasium import spaces
-    from gymnasium.envs.registration import EnvSpec
 
     from wt_gym.envs.terms import Beginning
     from wt_gym.simulation import Signals
     from wt_gym.simulation.contract import SimulatorMaker
 
-__all__ = ["WindTurbineEnv", "turbine_env_of"]
 
-
-class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
+class WindTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
     __doc__ = manual()
     __signature__ = signature()
 
@@ -78,15 +75,6 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
     def __format__(self, spec: str) -> str:
         """Name and id in one line: wrappers of Gymnasium put what they enclose into an f-string."""
         return format(super().__str__(), spec)
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """Definition of `gymnasium.make`, groups of options as mappings: those have a form in JSON."""
-        return self.__dict__.get("_spec")
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = plain_spec(spec)
 
     # ---- an episode ----
 
@@ -244,8 +232,7 @@ class WindTurbineEnv(gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
         """All from which the episode continues bit for bit: simulator, controller, filters, reward, random state.
 
         For planning: take one, try actions, `restore` it. An episode that is over is kept as such: after restoring it
-        `step` asks for a reset, and `render` shows its last instant. With a ``render_mode`` the course of the signals
-        in the picture is kept too.
+        `step` asks for a reset, and `render` shows its last instant.
 
         Raises
         ------

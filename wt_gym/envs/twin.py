@@ -8,20 +8,20 @@ beginning, and beyond the end of the longest one.
 from __future__ import annotations
 
 import hashlib
-import logging
 import pickle
 import threading
 import zipfile
 from array import array
 from collections import OrderedDict
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.base.canary import software
-from wt_gym.base.files import whole_file
-from wt_gym.base.user_cache import user_cache
+from wt_gym.base.files import write_whole
+from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
 from wt_gym.control.controllers import parts_of
 from wt_gym.envs.canary import canary_of
 from wt_gym.envs.operation import make_simulator
@@ -43,18 +43,14 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.running_record import Start
     from wt_gym.envs.terms import Beginning, RewardTerm
-    from wt_gym.envs.wind_sampler import EpisodeWind
+    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.wind import Inflow, TurbulenceBox
 
-__all__ = ["MOST_FILES", "MOST_NUMBERS", "Course", "Twin", "kept_course", "store_course"]
-
-_log = logging.getLogger(__name__)
 MOST_NUMBERS = 8_000_000
 """Rewards in memory, 64 MB; the course that was asked for longest ago goes first."""
 MOST_FILES = 4096
 """Files on disk, of some 30 kB for a minute by steps of 0.1 s; the oldest go first."""
-_BETWEEN = 64
-"""Files written between two looks at how many there are."""
+_BETWEEN = 64  # Files written between two looks at how many there are
 _courses: OrderedDict[str, Course] = OrderedDict()
 _lock, _one_writes = threading.Lock(), threading.Lock()
 _written = 0
@@ -96,45 +92,43 @@ class Course:
                 self._numbers.extend([terms[name] for name in self.names])
                 self.ended = ended
 
-    def load(self, path: Path) -> None:
-        """Take over what stands in a file, if there is one and it is sound."""
-        try:
+    @property
+    def path(self) -> Path | None:
+        """File; None without a key, or a cache of the user."""
+        return None if self.key is None else cached_file("twins", self.key[:2], f"{self.key}.npz")
+
+    def load(self) -> None:
+        """Take over what stands in its file, if there is one and it is sound."""
+        if (path := self.path) is None:
+            return
+
+        def read(path: Path) -> tuple[Any, bool]:
             with np.load(path, allow_pickle=False) as file:
                 names, rows, ended = tuple(file["names"].tolist()), file["rows"], bool(file["ended"])
-            if (
-                names != self.names
-                or rows.shape[1:] != (len(names),)
-                or rows.dtype != np.float64
-                or not np.isfinite(rows).all()
-            ):
+            fits = names == self.names and rows.shape[1:] == (len(names),) and rows.dtype == np.float64
+            if not (fits and np.isfinite(rows).all()):
                 raise ValueError(f"it holds {names}, an array {rows.dtype}{rows.shape}")
-        except FileNotFoundError:
+            return rows, ended
+
+        content = read_cached("rewards", path, read, (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile))
+        if content is None:
             return
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            _log.warning("recorded rewards %s are unreadable (%s); they are recorded again", path, error)
-            return
+        rows, ended = content
         self._numbers, self.ended, self._kept = array("d", rows.ravel().tolist()), ended, len(rows)
 
-    def save(self, path: Path) -> None:
+    def save(self) -> None:
         """Write what has been added since it was read or written; a file that cannot be written costs another run."""
+        if (path := self.path) is None:
+            return
         with _one_writes:  # turbines in several threads may have the same course
             with _lock:
                 rows, ended = np.array(self._numbers).reshape(-1, len(self.names)), self.ended
             if len(rows) <= self._kept:
                 return
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                with whole_file(path) as partial, partial.open("wb") as file:
-                    np.savez(file, names=np.array(self.names), rows=rows, ended=ended)
+            table = {"names": np.array(self.names), "rows": rows, "ended": np.array(ended)}
+            if write_cached("rewards", path, lambda file: write_whole(file, lambda opened: np.savez(opened, **table))):
                 self._kept = len(rows)
-                _tidy(path.parent)
-            except OSError as error:
-                _log.warning("recorded rewards could not be kept in %s (%s)", path.parent, error)
-
-
-def new_course(names: tuple[str, ...]) -> Course:
-    """Give an empty course that is not kept."""
-    return Course(None, names)
+                _tidy(path.parent.parent)
 
 
 def kept_course(key: str, names: tuple[str, ...]) -> Course:
@@ -143,9 +137,8 @@ def kept_course(key: str, names: tuple[str, ...]) -> Course:
         if key in _courses:
             _courses.move_to_end(key)
             return _courses[key]
-    course, path = Course(key, names), _path(key)
-    if path is not None:
-        course.load(path)
+    course = Course(key, names)
+    course.load()
     with _lock:
         course = _courses.setdefault(key, course)  # another thread may have been faster
         _courses.move_to_end(key)
@@ -156,28 +149,12 @@ def kept_course(key: str, names: tuple[str, ...]) -> Course:
     return course
 
 
-def store_course(course: Course) -> None:
-    """Keep a course on the disk, as far as it has been recorded."""
-    path = None if course.key is None else _path(course.key)
-    if path is not None:
-        course.save(path)
-
-
-def _path(key: str) -> Path | None:
-    """File of a key, None if there is no place for it."""
-    cache = user_cache()
-    return None if cache is None else cache / "twins" / key[:2] / f"{key}.npz"
-
-
 def _tidy(folder: Path) -> None:
     """Remove the oldest files, once in a while."""
     global _written
     _written += 1
-    if _written % _BETWEEN:
-        return
-    files = [(file.stat().st_mtime, file) for file in folder.parent.glob("*/*.npz")]
-    for _, file in sorted(files, key=lambda one: one[0])[:-MOST_FILES]:
-        file.unlink(missing_ok=True)
+    if _written % _BETWEEN == 0:
+        prune(folder.glob("*/*.npz"), MOST_FILES)
 
 
 _OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")
@@ -186,24 +163,12 @@ _OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")
 
 @dataclass(frozen=True)
 class TwinSnapshot:
-    """State of the controller alone.
+    """State of the controller alone."""
 
-    Attributes
-    ----------
-    beginning : Beginning
-        Of the episode.
-    course : Course
-        Rewards from there.
-    steps : int
-        That were simulated.
-    state : EnvSnapshot or None
-        Of the simulation; None where none runs.
-    """
-
-    beginning: Beginning
-    course: Course
-    steps: int
-    state: EnvSnapshot | None
+    beginning: Beginning  #: Of the episode
+    course: Course  #: Rewards from there
+    steps: int  #: That were simulated
+    state: EnvSnapshot | None  #: Of the simulation; None where none runs
 
 
 class Twin(Term):
@@ -215,18 +180,13 @@ class Twin(Term):
         The turbine under the controller alone: it gets the winds that are drawn elsewhere, and has none itself.
     wind_key : tuple
         Properties of turbulence made here beside its speed, seed and time.
-
-    Attributes
-    ----------
-    course : Course
-        Of this episode.
     """
 
-    course: Course
+    course: Course  #: of this episode
 
-    def __init__(self, env: Any, wind_key: tuple[Any, ...]):
+    def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
-        self._identity = _identity(env)
+        self._described = _description(env)
         self._beginning: Beginning | None = None
         self._simulated: Course | None = None  # in which the environment stands
         self._steps = 0  # that it has made there
@@ -235,16 +195,14 @@ class Twin(Term):
         """Start an episode with the draws that change what the controller does: nothing is simulated yet."""
         self.keep()
         drawn = {name: one for name, one in beginning.drawn.items() if hasattr(one, "key")}
-        beginning = replace(beginning, drawn=drawn)
-        self._beginning = beginning
-        key = self._key(beginning)
-        names = tuple(term.name for term in self.env.reward_terms)
-        self.course = new_course(names) if key is None else kept_course(key, names)
+        self._beginning = replace(beginning, drawn=drawn)
+        key, names = self._key(self._beginning), tuple(term.name for term in self.env.reward_terms)
+        self.course = Course(None, names) if key is None else kept_course(key, names)
 
     def keep(self) -> None:
         """Keep what was recorded in this episode for other processes."""
         if self._beginning is not None:
-            store_course(self.course)
+            self.course.save()
 
     def adjust(self, reward: float, terms: dict[str, float], step: int, _: float) -> tuple[float, dict[str, float]]:
         """Take off what the controller alone earns in the same step."""
@@ -273,20 +231,30 @@ class Twin(Term):
 
     # ---- what it is ----
 
+    @cached_property
+    def _identity(self) -> str | None:
+        """Digest of all that decides on the rewards beside wind, start and limits; None where it is not known.
+
+        The canary counts to its last digit here: rewards must not depend on which version has filled the cache. It is
+        measured for the first episode, not when an environment is made.
+        """
+        env = self.env
+        if self._described is None:
+            return None
+        canary = canary_of(env.turbine, env.fidelity, type(env))
+        return fingerprint(env.turbine, fidelity_of(env.fidelity), env.control_dt, *self._described, canary, software())
+
     def _key(self, beginning: Beginning) -> str | None:
         """Name of the course of a beginning; None where it cannot be told from every other one."""
-        wind = self._wind(beginning.wind)
-        if self._identity is None or wind is None:
+        wind = beginning.wind
+        inflow = _inflow(wind.inflow, wind.wind_seed >= 0)
+        if inflow is None or self._identity is None:
             return None
+        told = self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, inflow
         limits = self.env.limits.overspeed, self.env.limits.standstill
         drawn = [(name, one.key) for name, one in beginning.drawn.items()]
         others = beginning.yaw, beginning.faults, drawn
-        return fingerprint(self._identity, limits, wind, _start(beginning.start), others)[:40]
-
-    def _wind(self, wind: EpisodeWind) -> tuple[Any, ...] | None:
-        """Properties of a wind that tell it from others."""
-        told = _inflow(wind.inflow, wind.wind_seed >= 0)
-        return None if told is None else (self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, told)
+        return fingerprint(self._identity, limits, told, _start(beginning.start), others)[:40]
 
     # ---- snapshots ----
 
@@ -310,19 +278,16 @@ class Twin(Term):
         self._simulated = None
 
 
-def _identity(env: Any) -> str | None:
-    """Digest of all that decides on the rewards of a turbine under its controller beside start and limits.
+def _description(env: WindTurbineEnv) -> tuple[str, str] | None:
+    """Digests of controller and reward terms, as they were made.
 
-    None where something is from outside of this package: it may do another thing tomorrow, or draw numbers. The canary
-    counts to its last digit here: rewards must not depend on which version has filled the cache.
+    None where something is from outside of this package: it may do another thing tomorrow, or draw numbers.
     """
     controller, terms = env.operation.controller, env.reward_terms
     parts: list[object] = [] if controller is None else [*parts_of(controller)]
     if env.operation.make_simulator is not make_simulator or not all(map(_is_own, [*parts, *terms])):
         return None
-    described = _digest(controller), _digest(terms)
-    canary = canary_of(env.turbine, env.fidelity, type(env))
-    return fingerprint(env.turbine, fidelity_of(env.fidelity), env.control_dt, *described, canary, software())
+    return _digest(controller), _digest(terms)
 
 
 def _is_own(part: object | RewardTerm) -> bool:
@@ -338,20 +303,16 @@ def _digest(value: object) -> str:
 
 def _inflow(inflow: Inflow, made_here: bool) -> tuple[object, ...] | None:
     """Properties of an inflow beside speed, seed and time of turbulence; None where they do not tell it from others."""
-    if isinstance(inflow, TurningInflow):
+    if isinstance(inflow, TurningInflow | MirroredInflow):
         inner = _inflow(inflow.inner, made_here)
-        return None if inner is None else (type(inflow).__name__, inflow.times, inflow.directions, *inner)
-    if isinstance(inflow, MirroredInflow):
-        inner = _inflow(inflow.inner, made_here)
-        return None if inner is None else (type(inflow).__name__, *inner)
+        turning = (inflow.times, inflow.directions) if isinstance(inflow, TurningInflow) else ()
+        return None if inner is None else (type(inflow).__name__, *turning, *inner)
     if isinstance(inflow, TurbulentInflow) and made_here:
         return inflow.steady, inflow.beyond_grid, *_box(inflow.box)
     if type(inflow) is PathInflow and (made_here or inflow.box is None):
         path = type(inflow).__name__, inflow.times, inflow.speeds, inflow.scales, inflow.offset, inflow.profile
         return (*path, None) if inflow.box is None else (*path, *_box(inflow.box))
-    if type(inflow) in (SteadyInflow, TransientInflow):
-        return (inflow,)
-    return None
+    return (inflow,) if type(inflow) in (SteadyInflow, TransientInflow) else None
 
 
 def _box(box: TurbulenceBox) -> tuple[object, ...]:

@@ -42,13 +42,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.terms import Request
     from wt_gym.envs.wind_sampler import EpisodeWind, WindOptions
     from wt_gym.turbines import Turbine
-    from wt_gym.turbines.blade import BeamStations
-    from wt_gym.turbines.model import PitchSystem, Support, Tower
-
-__all__ = [
-    "CHOICES", "HELD_BACK", "PRESETS", "RANGES", "STRUCTURAL", "TRAIN", "DrawnVariation", "Plants", "Variation",
-    "VariationTerm", "check_variation",
-]  # fmt: skip
+    from wt_gym.turbines.model import PitchSystem, Tower
 
 NO_SENSOR = ""
 """Among the sensors that may be dead: none is."""
@@ -233,8 +227,7 @@ def varied_turbine(
     if tower_frequency != 1.0 or tower_damping != 1.0:
         changed = replace(changed, tower=_tower(turbine.tower, tower_frequency**2, tower_damping))
     if blade_stiffness != 1.0:
-        blade = turbine.blade
-        changed = replace(changed, blade=replace(blade, structure=_stiffened(blade.structure, blade_stiffness)))
+        changed = replace(changed, blade=_stiffened(turbine.blade, blade_stiffness))
     if air_density != 1.0:
         changed = with_site(changed, {"air_density": air_density * turbine.air_density})
     if drive_lag != 0.0 or pitch_rate != 1.0:
@@ -242,46 +235,39 @@ def varied_turbine(
     return changed
 
 
-def _stiffened(beam: BeamStations, factor: float) -> BeamStations:
-    return replace(beam, stiffness=factor * beam.stiffness)
+def _stiffened(part: Any, factor: float) -> Any:
+    """Beam of a blade or a tower with another stiffness."""
+    return replace(part, structure=replace(part.structure, stiffness=factor * part.structure.stiffness))
 
 
 def _tower(tower: Tower, stiffness: float, damping: float) -> Tower:
     support = tower.support
-    if support is not None and stiffness != 1.0:
-        support = _support(support, stiffness)
-    structure = tower.structure if stiffness == 1.0 else _stiffened(tower.structure, stiffness)
-    return replace(tower, structure=structure, support=support, damping_ratio=damping * tower.damping_ratio)
-
-
-def _support(support: Support, stiffness: float) -> Support:
-    foundation = None if support.foundation is None else stiffness * support.foundation
-    return replace(support, structure=_stiffened(support.structure, stiffness), foundation=foundation)
+    if stiffness != 1.0:
+        tower = _stiffened(tower, stiffness)
+        if support is not None:
+            ground = None if support.foundation is None else stiffness * support.foundation
+            support = replace(_stiffened(support, stiffness), foundation=ground)
+    return replace(tower, support=support, damping_ratio=damping * tower.damping_ratio)
 
 
 def _drives(pitch: PitchSystem, lag: float, rate: float) -> PitchSystem:
-    changes: dict[str, float] = {"max_rate": rate * pitch.max_rate}
-    if lag > 0.0:
-        own = 0.0 if pitch.servo_frequency is None else 2.0 * pitch.servo_damping / pitch.servo_frequency
-        damping = 1.0 if pitch.servo_frequency is None else pitch.servo_damping
-        changes |= {"servo_frequency": 2.0 * damping / (lag + own), "servo_damping": damping}
-    return replace(pitch, **changes)
+    changed = replace(pitch, max_rate=rate * pitch.max_rate)
+    if lag == 0.0:
+        return changed
+    own, damping = 0.0, 1.0
+    if pitch.servo_frequency is not None:
+        own, damping = 2.0 * pitch.servo_damping / pitch.servo_frequency, pitch.servo_damping
+    return replace(changed, servo_frequency=2.0 * damping / (lag + own), servo_damping=damping)
 
 
-_STREAM = 0x56415259
-"""Tells the stream of the variations from that of the episodes with the same seed."""
+_STREAM = 0x56415259  # Tells the stream of the variations from that of the episodes with the same seed
 _HYPERCUBE = 20261125
 _DRAWN = tuple(name for name in (*RANGES, *CHOICES) if name not in STRUCTURAL)
 _MOST_SEED = 2**63
 
 
 class Plants:
-    """The finite set of turbines of a variation.
-
-    Parameters
-    ----------
-    turbine : Turbine
-        Nominal.
+    """The finite set of turbines of a variation of a nominal turbine.
 
     Attributes
     ----------
@@ -294,7 +280,11 @@ class Plants:
         ranges = {name: ends for name in STRUCTURAL if (ends := variation.ends(name)) is not None}
         several = any(low < high for low, high in ranges.values())
         count = variation.plants if several else 1
-        columns = {name: _levels(name, *ends, count) for name, ends in ranges.items()}
+        columns: dict[str, list[float]] = {}
+        for name, (low, high) in ranges.items():  # evenly spaced with both ends, each in an order of its own
+            levels = np.linspace(low, high, count) if count > 1 else np.array([0.5 * (low + high)])
+            order = np.random.default_rng([_HYPERCUBE, STRUCTURAL.index(name)]).permutation(count)
+            columns[name] = levels[order].tolist()
         self.values = tuple({name: column[k] for name, column in columns.items()} for k in range(count))
         self._made: dict[int, Turbine] = {}
 
@@ -308,14 +298,6 @@ class Plants:
         return self._made[number]
 
 
-def _levels(name: str, low: float, high: float, count: int) -> list[float]:
-    """Values of a quantity in all plants: evenly spaced with both ends, in an order of its own."""
-    levels = np.linspace(low, high, count) if count > 1 else np.array([0.5 * (low + high)])
-    order = np.random.default_rng([_HYPERCUBE, STRUCTURAL.index(name)]).permutation(count)
-    values: list[float] = levels[order].tolist()
-    return values
-
-
 @dataclass(frozen=True)
 class DrawnVariation:
     """Variation of an episode.
@@ -325,15 +307,11 @@ class DrawnVariation:
     values : mapping
         Drawn quantities by name, as values of JSON: the number of the plant as "plant", the offset of each sensor in
         "sensor_offset".
-    turbine : Turbine
-        That is simulated.
-    noise_seed : int
-        Of the noise of the instruments.
     """
 
     values: Mapping[str, Any]
-    turbine: Turbine
-    noise_seed: int
+    turbine: Turbine  #: That is simulated
+    noise_seed: int  #: Of the noise of the instruments
 
     @property
     def faults(self) -> tuple[SensorBias, ...]:
@@ -367,8 +345,6 @@ class VariationTerm(Term):
 
     Parameters
     ----------
-    turbine : Turbine
-        Nominal.
     lidar : Lidar
         That is read.
     observed : ObservationOptions
@@ -455,9 +431,9 @@ class VariationTerm(Term):
                 continue
             low, high = cast("tuple[float, float]", variation.ends(name))
             if name == "sensor_offset":
-                values[name] = {sensor: _between(u, low, high) for sensor, u in zip(DRIFTING, shifts, strict=True)}
+                values[name] = {sensor: low + u * (high - low) for sensor, u in zip(DRIFTING, shifts, strict=True)}
             else:
-                values[name] = _between(share[name], low, high)
+                values[name] = low + share[name] * (high - low)
         if "sensor_delay" in values:
             values["sensor_delay"] = self._step * round(values["sensor_delay"] / self._step)
         turbine = self.plants.turbine(plant) if "plant" in values else self._turbine
@@ -476,12 +452,7 @@ class VariationTerm(Term):
 
 
 def check_variation(variation: Variation, wind: WindOptions, turbine: Any, simulator: Any) -> None:
-    """Refuse a class, profile or structure to be drawn where wind or simulator have their own.
-
-    Raises
-    ------
-    ValueError, wt_gym.base.errors.InflowError
-    """
+    """Refuse a class, profile or structure to be drawn where wind or simulator have their own, by a `ValueError`."""
     names = [name for name in ("turbulence_class", "shear_exponent") if getattr(variation, name) is not None]
     if names and (not wind.made_here or wind.extreme):
         raise InflowError(
@@ -499,7 +470,3 @@ def check_variation(variation: Variation, wind: WindOptions, turbine: Any, simul
 
 def _pick(share: float, count: int) -> int:
     return min(int(share * count), count - 1)
-
-
-def _between(share: float, low: float, high: float) -> float:
-    return low + share * (high - low)

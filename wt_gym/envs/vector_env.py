@@ -19,15 +19,11 @@ from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import shown
 from wt_gym.envs.manual import describe
-from wt_gym.envs.options import EnvOptions, plain_spec
+from wt_gym.envs.options import EnvOptions, PlainSpec
 from wt_gym.envs.turbine_env import WindTurbineEnv
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
-
-    from gymnasium.envs.registration import EnvSpec
-
-__all__ = ["WindTurbineVectorEnv"]
 
 
 class Outcome(NamedTuple):
@@ -42,7 +38,7 @@ class Outcome(NamedTuple):
     """Last observation and info of an episode that ended in this step, where the next has begun already."""
 
 
-class WindTurbineVectorEnv(gym.vector.VectorEnv):
+class WindTurbineVectorEnv(PlainSpec, gym.vector.VectorEnv):
     """Copies of `wt_gym.envs.turbine_env.WindTurbineEnv`, equal bit for bit to single ones with the same seeds.
 
     ``gymnasium.make_vec(id, num_envs=8)`` makes one for every id of this package; its further arguments are those
@@ -91,6 +87,8 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         first = self.envs[0]
         self.num_envs, self.render_mode = num_envs, first.render_mode
         self.layout = first.layout
+        self.observation_names, self.observation_units = first.observation_names, first.observation_units
+        self.action_names, self.action_units = first.action_names, first.action_units
         self.metadata = {**first.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = first.observation_space, first.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -101,6 +99,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         self._steps = np.zeros(num_envs, dtype=np.int64)
         self._over = np.ones(num_envs, dtype=np.bool_)  # episodes that have ended or not begun
         self._begun = False
+        self._no_reward = np.zeros(first.reward_space.shape, np.float32) if hasattr(first, "reward_space") else 0.0
         self._threads = min(threads or _processors(), num_envs)
         self._pool = self._make_pool()
 
@@ -126,42 +125,14 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         """In one line: wrappers of Gymnasium put what they enclose into an f-string."""
         return format(repr(self), spec)
 
-    @property
-    def spec(self) -> EnvSpec | None:
-        """Definition of `gymnasium.make_vec`, groups of options as mappings."""
-        return self.__dict__.get("_spec")
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = plain_spec(spec)
-
-    @property
-    def observation_names(self) -> np.ndarray:
-        """As of `WindTurbineEnv`, of one turbine; so the following."""
-        return self.envs[0].observation_names
-
-    @property
-    def observation_units(self) -> np.ndarray:
-        """Units of the observation."""
-        return self.envs[0].observation_units
-
-    @property
-    def action_names(self) -> np.ndarray:
-        """Names of the action's components."""
-        return self.envs[0].action_names
-
-    @property
-    def action_units(self) -> np.ndarray:
-        """Units of the action's components."""
-        return self.envs[0].action_units
-
     # ---- single turbines ----
 
     def reset_each(
         self, seeds: Sequence[int | None], options: dict[str, Any] | None, chosen: Iterable[int]
     ) -> list[tuple[np.ndarray, dict[str, Any]]]:
         """Start episodes of the chosen turbines; give observation and info of each."""
-        self._refuse_closed()
+        if self.closed:
+            raise ClosedEnvironmentError("the environment was closed")
 
         def start(k: int) -> tuple[np.ndarray, dict[str, Any]]:
             return self._start(k, seeds[k], options)
@@ -174,24 +145,9 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         return self._each(start, chosen)
 
     def step_each(self, actions: np.ndarray) -> list[Outcome]:
-        """Advance every turbine by a control step.
-
-        Parameters
-        ----------
-        actions : numpy.ndarray, shape (num_envs, n_act)
-
-        Returns
-        -------
-        list of Outcome
-
-        Raises
-        ------
-        wt_gym.base.errors.ActionError
-            If an action is refused; no turbine has moved.
-        gymnasium.error.ResetNeeded
-            If an episode has ended that nothing resets.
-        """
-        self._refuse_closed()
+        """Advance every turbine by a control step, with actions (num_envs, n_act) and errors as of `step`."""
+        if self.closed:
+            raise ClosedEnvironmentError("the environment was closed")
         actions = np.asarray(actions)
         if actions.shape[:1] != (self.num_envs,):
             raise ValueError(f"{self.num_envs} actions are needed, got an array of shape {actions.shape}")
@@ -205,14 +161,10 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         def step(k: int) -> Outcome:
             if k in over:
                 observation, info = self._start(k)
-                return Outcome(observation, self._no_reward(), False, False, info)
+                return Outcome(observation, self._no_reward, False, False, info)
             return self._step(k, values[k])
 
         return self._each(step, range(self.num_envs))
-
-    def _refuse_closed(self) -> None:
-        if self.closed:
-            raise ClosedEnvironmentError("the environment was closed")
 
     def _start(
         self, k: int, seed: int | None = None, options: dict[str, Any] | None = None
@@ -233,19 +185,11 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             return Outcome(first, reward, terminated, truncated, beginning, (observation, info))
         return Outcome(observation, reward, terminated, truncated, info)
 
-    def _no_reward(self) -> float | np.ndarray:
-        return np.zeros(self.envs[0].reward_space.shape, np.float32) if hasattr(self.envs[0], "reward_space") else 0.0
-
     def _each(self, work: Callable[[int], Any], chosen: Iterable[int]) -> list[Any]:
         """Do something with the chosen turbines; an error comes once none of them is at work any more."""
-        if self._pool is None:
-            return [work(k) for k in chosen]
-        with one_blas_thread():
-            return self._side_by_side(self._pool, work, chosen)
-
-    def _side_by_side(self, pool: ThreadPoolExecutor, work: Callable[[int], Any], chosen: Iterable[int]) -> list[Any]:
-        """See `_each`."""
-        turbines = list(chosen)
+        pool, turbines = self._pool, list(chosen)
+        if pool is None:
+            return [work(k) for k in turbines]
         turns = iter(enumerate(turbines))  # taken one by one by all threads, this one among them
         results: dict[int, Any] = {}
         errors: dict[int, Exception] = {}
@@ -257,17 +201,18 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
                 except Exception as error:
                     errors[place] = error
 
-        helpers = [pool.submit(serve) for _ in range(min(self._threads, len(turbines)) - 1)]
-        try:
-            serve()
-            for helper in helpers:
-                helper.result()
-        except BaseException:  # as KeyboardInterrupt: no thread may be left at work in a turbine
-            for _ in turns:  # none that has not begun will
-                pass
-            wait(helpers)
-            self._over[:] = True  # who has moved is not known to the caller
-            raise
+        with one_blas_thread():
+            helpers = [pool.submit(serve) for _ in range(min(self._threads, len(turbines)) - 1)]
+            try:
+                serve()
+                for helper in helpers:
+                    helper.result()
+            except BaseException:  # as KeyboardInterrupt: no thread may be left at work in a turbine
+                for _ in turns:  # none that has not begun will
+                    pass
+                wait(helpers)
+                self._over[:] = True  # who has moved is not known to the caller
+                raise
         if errors:
             raise errors[min(errors)]
         return [results[place] for place in range(len(turbines))]
@@ -301,7 +246,11 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         if not isinstance(options, Mapping | None):
             raise ValueError(f"the options of reset must be a dict, got {shown(options)}")
         options = dict(options or {})
-        chosen = np.flatnonzero(self._mask(options.pop("reset_mask", None)))
+        given = options.pop("reset_mask", None)
+        mask = np.ones(self.num_envs, dtype=np.bool_) if given is None else np.asarray(given)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise ValueError(f"reset_mask must be {self.num_envs} bools, one of them true at least, got {mask!r}")
+        chosen = np.flatnonzero(mask)
         infos: dict[str, Any] = {}
         for k, (observation, info) in zip(chosen, self.reset_each(seeds, options, chosen), strict=True):
             self._observations[k] = observation
@@ -309,7 +258,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         return self._observations.copy(), infos
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Advance every turbine by a control step.
+        """Advance every turbine by a control step; an action that is refused moves none.
 
         Parameters
         ----------
@@ -326,7 +275,7 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
         Raises
         ------
         wt_gym.base.errors.ActionError
-            If an action is refused; no turbine has moved.
+            If an action is refused.
         gymnasium.error.ResetNeeded
             If an episode has ended that nothing resets.
         """
@@ -340,15 +289,6 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
             infos = self._add_info(infos, outcome.info, k)
         _, rewards, terminated, truncated, *_ = zip(*outcomes, strict=True)
         return self._observations.copy(), np.array(rewards), np.array(terminated), np.array(truncated), infos
-
-    def _mask(self, mask: Any) -> np.ndarray:
-        """Turbines that a reset is for."""
-        if mask is None:
-            return np.ones(self.num_envs, dtype=np.bool_)
-        chosen: np.ndarray = np.asarray(mask)
-        if chosen.shape != (self.num_envs,) or chosen.dtype != np.bool_ or not chosen.any():
-            raise ValueError(f"reset_mask must be {self.num_envs} bools, one of them true at least, got {chosen!r}")
-        return chosen
 
     def render(self) -> tuple[Any, ...]:
         """Pictures of all turbines, as of a single environment."""
@@ -390,16 +330,12 @@ class WindTurbineVectorEnv(gym.vector.VectorEnv):
 
 def _autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
     """Mode by itself, by its value or by its name."""
-    if isinstance(given, AutoresetMode):
-        return given
     for mode in AutoresetMode:
-        if given in (mode.value, mode.name):
+        if given in (mode, mode.value, mode.name):
             return mode
     allowed = ", ".join(f"{mode.value!r} ({mode.name!r})" for mode in AutoresetMode)
-    raise ValueError(
-        f"autoreset_mode must be one of {allowed}, got {shown(given)}"
-        f"{did_you_mean(given, [mode.value for mode in AutoresetMode])}"
-    )
+    near = did_you_mean(given, [mode.value for mode in AutoresetMode])
+    raise ValueError(f"autoreset_mode must be one of {allowed}, got {shown(given)}{near}")
 
 
 def _processors() -> int:

@@ -39,15 +39,7 @@ from wt_gym.wind.inflow import require_cover
 from wt_gym.wind.turbulent import speed_path
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "EVALUATION_WIND_SEEDS", "FASTEST_WIND", "GUSTS", "KINDS", "LARGEST_WIND_SEED", "SLOWEST_TURBULENCE",
-    "SUFFIXES", "TRAINING_WIND_SEEDS", "TRANSIENTS", "TURBULENCE", "EpisodeWind", "WindOptions", "WindSampler",
-    "is_wind_file",
-]  # fmt: skip
 
 TRAINING_WIND_SEEDS = tuple(range(1, 25))
 """Wind seeds from which training episodes draw by default."""
@@ -89,29 +81,8 @@ def is_wind_file(value: Any) -> bool:
     return is_wind_path(value) or (isinstance(value, Mapping) and "file" in value)
 
 
-def checked_wind_seed(seed: Any) -> int:
-    """Seed of turbulence.
-
-    Raises
-    ------
-    InflowError
-        If it is not an integer that arrays and files can hold.
-    """
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InflowError(f"a wind seed must be an integer of at least 0, got {seed!r}")
-    if seed > LARGEST_WIND_SEED:
-        raise InflowError(f"a wind seed must be an integer of at most {LARGEST_WIND_SEED}, got {seed!r}")
-    return int(seed)
-
-
 def own_winds(given: Any) -> tuple[Any, ...]:
-    """Inflows and descriptions of winds of the user: one, or several.
-
-    Raises
-    ------
-    InflowError
-        If something is none.
-    """
+    """Inflows and descriptions of winds of the user: one, or several."""
     alone = isinstance(given, str | Mapping) or not isinstance(given, Iterable)
     several: tuple[Any, ...] = (given,) if alone else tuple(given)
     wrong = [one for one in several if not (isinstance(one, Inflow | Mapping) or is_wind_file(one))]
@@ -260,9 +231,8 @@ class WindOptions(Options):
         """Some of the winds are turbulence that is made by the environment."""
         if not isinstance(self.inflow, str):
             return False
-        return self.inflow in ("turbulent", "path", "extreme-turbulent") or (
-            self.inflow == "gusts" and "ETM" in self.gusts
-        )
+        etm = self.inflow == "gusts" and "ETM" in self.gusts
+        return etm or self.inflow in ("turbulent", "path", "extreme-turbulent")
 
     def check(self) -> None:
         """Refuse what the kind of wind would ignore."""
@@ -292,40 +262,18 @@ class WindOptions(Options):
                 raise InflowError(f"{name}={value!r} belongs to {winds_text}")
 
 
-# A file of ten minutes takes some ten to a hundred megabytes in memory.
-_WINDS_IN_MEMORY = 8
-
-
 @dataclass(frozen=True)
 class WindFile:
-    """A file of wind that was found whole.
+    """A file of wind that was found whole."""
 
-    Attributes
-    ----------
-    key : str
-        Its whole description, as JSON.
-    turbine_size : (float, float)
-        Hub height and rotor diameter of the turbine that it is for [m].
-    mean_speed : float
-        At the hub [m/s].
-    hub_height : float
-        [m].
-    duration : float
-        Length of the record [s].
-    periodic : bool
-        Its end leads smoothly to its beginning.
-    is_series : bool
-        It is the course of an event, which an episode meets from its beginning.
-    """
-
-    key: str
-    turbine_size: tuple[float, float]
-    mean_speed: float
-    hub_height: float
+    key: str  #: Its whole description, as JSON
+    turbine_size: tuple[float, float]  #: Hub height and rotor diameter of the turbine that it is for [m]
+    mean_speed: float  #: At the hub [m/s]
+    hub_height: float  #: [m]
     description: str
-    duration: float
-    periodic: bool
-    is_series: bool
+    duration: float  #: Length of the record [s]
+    periodic: bool  #: Its end leads smoothly to its beginning
+    is_series: bool  #: It is the course of an event, which an episode meets from its beginning
 
     @classmethod
     def found(
@@ -338,9 +286,8 @@ class WindFile:
         InflowError
             If it is missing or damaged, or its grid does not reach around the rotor; the message names it.
         """
-        whole = whole_description(given)
         try:
-            key = json.dumps(whole, sort_keys=True)
+            key = json.dumps(whole_description(given), sort_keys=True)
         except TypeError as error:
             raise InflowError(f"the description of a wind must be numbers, texts and lists of them: {error}") from error
         size = float(hub_height), float(rotor_diameter)
@@ -365,17 +312,12 @@ class WindFile:
         return replace(wind, time_offset=wind.time_offset + time_offset)
 
     def latest_start(self, length: float | None) -> float:
-        """Time in the record before which an episode can begin [s].
+        """Time in the record before which an episode of a length [s], or an unknown one, can begin [s].
 
         A periodic record can be entered anywhere. One that is not jumps at its end, which no gust does: episodes begin
         early enough to be over by then at the rotor, and at its beginning where their length is not known. What lies
         far ahead of the rotor or behind it, for a lidar or the wake, meets the jump the time of its way earlier or
         later. A series is met from its beginning.
-
-        Parameters
-        ----------
-        length : float or None
-            Of the episode [s].
         """
         if self.is_series:
             return 0.0
@@ -385,16 +327,15 @@ class WindFile:
 
 
 def _state(key: str) -> tuple[tuple[int, int] | None, ...]:
-    """Times and sizes of the files, which tell of a change, None where there is none."""
-    return tuple(_state_of(path) for path in files_of(json.loads(key)))
-
-
-def _state_of(path: str) -> tuple[int, int] | None:
-    try:
-        found = Path(path).stat()
-    except OSError:  # reading it says why
-        return None
-    return found.st_mtime_ns, found.st_size
+    """Times and sizes of the files, which tell of a change; None of one that cannot be read, which reading explains."""
+    states: list[tuple[int, int] | None] = []
+    for path in files_of(json.loads(key)):
+        try:
+            found = Path(path).stat()
+            states.append((found.st_mtime_ns, found.st_size))
+        except OSError:
+            states.append(None)
+    return tuple(states)
 
 
 @lru_cache(maxsize=1024)
@@ -406,7 +347,7 @@ def _found(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> WindF
     return WindFile(*of_all, wind.box.duration, wind.box.periodic, is_series=False)
 
 
-@lru_cache(maxsize=_WINDS_IN_MEMORY)
+@lru_cache(maxsize=8)  # a file of ten minutes takes some ten to a hundred megabytes
 def _wind(key: str, state: tuple[Any, ...], size: tuple[float, float]) -> TurbulentInflow | SeriesInflow:
     """Read a file; ``state`` has a file that was changed read again."""
     try:
@@ -426,34 +367,21 @@ _BOX_SPEED_STEP = 6.0
 PATH_BOX = 12.0, 1200.0
 """Speed at which the turbulence of a path is synthesized [m/s], with harmonics up to 2 Hz, and for how long [s]: 14.4
 km of air with waves down to 6 m."""
-_LONGEST_PATH = 3600.0
-"""Length of the path of an episode without an end [s]; the mean speed then stays."""
-_PATH_SEED = 50_000_000
-"""Beside a chosen seed of the turbulence, of the path that goes with it."""
-_SLOWEST_NTM = 2.0
-"""Mean speed below which the turbulence of a path falls to none in still air [m/s]."""
+_LONGEST_PATH = 3600.0  # Length of the path of an episode without an end [s]; the mean speed then stays
+_PATH_SEED = 50_000_000  # Beside a chosen seed of the turbulence, of the path that goes with it
+_SLOWEST_NTM = 2.0  # Mean speed below which the turbulence of a path falls to none in still air [m/s]
 # As far may hub heights of a turbulence box and its mean wind differ.
 _HUB_HEIGHT_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
 class EpisodeWind:
-    """The wind of one episode.
-
-    Attributes
-    ----------
-    wind_speed : float
-        Mean speed at hub height [m/s]; of a path at its start.
-    wind_seed : int
-        Seed of the turbulence, -1 without.
-    time_offset : float
-        Time in the turbulence box at which the episode starts [s].
-    """
+    """The wind of one episode."""
 
     inflow: Inflow
-    wind_speed: float
-    wind_seed: int
-    time_offset: float
+    wind_speed: float  #: Mean speed at hub height [m/s]; of a path at its start
+    wind_seed: int  #: Seed of the turbulence, -1 without
+    time_offset: float  #: Time in the turbulence box at which the episode starts [s]
 
 
 class WindSampler:
@@ -485,17 +413,18 @@ class WindSampler:
 
     def __init__(self, turbine: Turbine, options: WindOptions):
         self._turbine, self._options = turbine, options
-        self._kind: str | Callable[..., Inflow] | tuple[Inflow | WindFile, ...]
         kind: Any = options.inflow
-        self._kind = kind if options.made_here or callable(kind) else self._own_inflows(kind)
-        self._directions, self._wander, self._swing = as_pair(options.direction), options.wander, options.swing
-        self._profile = _profile(options)
+        self._kind: str | Callable[..., Inflow] | tuple[Inflow | WindFile, ...] = (
+            kind if options.made_here or callable(kind) else self._own_inflows(kind)
+        )
+        self._directions = as_pair(options.direction)
+        exponent = NORMAL_SHEAR if options.shear_exponent is None else options.shear_exponent
+        roughness = options.roughness_length
+        self._profile = {"shear_exponent": exponent} if roughness is None else {"roughness_length": roughness}
         self._to_hub = self._share_at_hub(options.reference_height)
         self._class = self._box_class = options.turbulence_class or turbine.turbulence_class
-        self._pool = options.seeds
         self._gusts = tuple(form for name in GUSTS if name in options.gusts for form in _FORMS[name])
         self.turbulent = options.turbulent
-        self._whose = options.turbulence
         self._model = "ETM" if isinstance(kind, str) and kind == "gusts" else options.turbulence_model
         self.parks = options.extreme
         self.speeds: tuple[float, float]
@@ -516,7 +445,7 @@ class WindSampler:
             means = [inflow.mean_speed for inflow in self._kind]
             self.speeds = (min(means), max(means))
         self.seeds: tuple[int, ...] | None
-        self.seeds = (self._pool if self.turbulent else ()) if isinstance(self._kind, str) else None
+        self.seeds = (self._options.seeds if self.turbulent else ()) if isinstance(self._kind, str) else None
 
     @property
     def label(self) -> str:
@@ -546,7 +475,7 @@ class WindSampler:
     @property
     def _turns(self) -> bool:
         """A direction is drawn."""
-        return self._wander is not None or self._directions[0] != self._directions[1]
+        return self._options.wander is not None or self._directions[0] != self._directions[1]
 
     @property
     def _all_files(self) -> bool:
@@ -588,17 +517,13 @@ class WindSampler:
             Yaw angle of the nacelle at the start [rad], against which winds made here have their direction; a user's
             inflow keeps its own direction.
 
-        Returns
-        -------
-        EpisodeWind
-
         Raises
         ------
         InflowError
             If a fixed value is not allowed, or belongs to a wind that has none.
         """
         # Always three draws, so that fixing one of them leaves the others as they were.
-        drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self.speeds), rng.choice(self._pool), rng.random()
+        drawn_speed, drawn_seed, drawn_phase = rng.uniform(*self.speeds), rng.choice(self._options.seeds), rng.random()
         self._refuse_useless(wind_speed, wind_seed, time_offset)
         if not isinstance(self._kind, str):
             if callable(self._kind):
@@ -607,29 +532,23 @@ class WindSampler:
                 own = self._kind[int(rng.integers(len(self._kind)))]
             return self._turned(_own_wind(own, time_offset, float(drawn_phase), length), rng)
         speed = self._checked_speed(wind_speed) if wind_speed is not None else float(drawn_speed)
-        if self._kind == "gusts" and (gust := self._gust(speed, rng)) is not None:
-            return self._turned(EpisodeWind(gust, speed, -1, 0.0), rng, heading)
-        steady = self._steady(speed)
-        if not self.turbulent:
-            return self._turned(EpisodeWind(steady, speed, -1, 0.0), rng, heading)
-        seed = checked_wind_seed(wind_seed) if wind_seed is not None else int(drawn_seed)
+        gust = self._gust(speed, rng) if self._kind == "gusts" else None
+        if gust is not None or not self.turbulent:
+            return self._turned(EpisodeWind(gust or self._steady(speed), speed, -1, 0.0), rng, heading)
+        seed = int(drawn_seed if wind_seed is None else wind_seed)
         if self._kind == "path":
-            path = self._path(speed, seed, rng if wind_seed is None else None, time_offset, float(drawn_phase), length)
-            return self._turned(path, rng, heading)
+            if time_offset is None:
+                time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * PATH_BOX[1]
+            path_rng = rng if wind_seed is None else np.random.default_rng((_PATH_SEED, seed))
+            return self._turned(self._path(speed, seed, path_rng, time_offset, length), rng, heading)
         box = self._box(speed, seed)
         if time_offset is None:
             time_offset = 0.0 if wind_seed is not None else float(drawn_phase) * box.duration
-        wind = EpisodeWind(TurbulentInflow(box, steady, time_offset), speed, seed, time_offset)
-        return self._turned(wind, rng, heading)
+        inflow = TurbulentInflow(box, self._steady(speed), time_offset)
+        return self._turned(EpisodeWind(inflow, speed, seed, time_offset), rng, heading)
 
     def turbulence(self, speed: float, seed: int) -> TurbulentInflow:
-        """Turbulence from the beginning of a box, along x.
-
-        Parameters
-        ----------
-        speed : float
-            At hub height [m/s].
-        """
+        """Turbulence from the beginning of a box along x, of a speed at hub height [m/s]."""
         return TurbulentInflow(self._box(speed, seed), self._steady(speed))
 
     def varied(self, turbulence_class: str | None, shear_exponent: float | None) -> WindSampler:
@@ -649,22 +568,15 @@ class WindSampler:
     @property
     def turbulence_key(self) -> tuple[Any, ...]:
         """Properties of `turbulence` beside turbine, speed and seed."""
-        return self._class, self._model, self._whose, sorted(self._profile.items())
+        return self._class, self._model, self._options.turbulence, sorted(self._profile.items())
 
     def given(self, inflow: Any, **options: Any) -> EpisodeWind:
-        """Take a wind from outside in place of one of its own.
-
-        Parameters
-        ----------
-        inflow : Inflow, path or mapping
-            A file from its beginning.
-        **options
-            Of `sample`; none goes with it.
+        """Take a wind from outside, a file from its beginning, in place of one of its own.
 
         Raises
         ------
         InflowError
-            If it is not an inflow, or something of it is to be chosen.
+            If it is not an inflow, or there are options of `sample`, none of which goes with it.
         """
         if options:
             raise InflowError(f"a given inflow has {', '.join(options)} already: leave them out of the options")
@@ -689,29 +601,17 @@ class WindSampler:
         return replace(gust, steady=self._steady(speed))
 
     def _path(
-        self,
-        speed: float,
-        seed: int,
-        rng: np.random.Generator | None,
-        time_offset: float | None,
-        phase: float,
-        length: float | None,
+        self, speed: float, seed: int, rng: np.random.Generator, time_offset: float, length: float | None
     ) -> EpisodeWind:
-        """Turbulence along a path from a speed on: a seed that is chosen decides on the path too."""
+        """Turbulence along a path from a speed on."""
         steps = _LONGEST_PATH if length is None else length
-        chosen = rng is None
-        path_rng = np.random.default_rng((_PATH_SEED, seed)) if rng is None else rng
-        times, speeds = speed_path(path_rng, *self.speeds, self._swing, steps, start=speed)
+        times, speeds = speed_path(rng, *self.speeds, self._options.swing, steps, start=speed)
         made_at, duration = PATH_BOX
         box = self._make_box(made_at, seed, duration=duration)
         slow = np.maximum(speeds, _SLOWEST_NTM)
         sigma = np.array([self._sigma(value) for value in slow.tolist()]) * speeds / slow
-        if time_offset is None:
-            time_offset = 0.0 if chosen else phase * duration
-        inflow = PathInflow(
-            times, speeds, self._steady(1.0), box, sigma / turbulence_sigma(made_at, self._box_class),
-            made_at * time_offset,
-        )  # fmt: skip
+        scales = sigma / turbulence_sigma(made_at, self._box_class)
+        inflow = PathInflow(times, speeds, self._steady(1.0), box, scales, made_at * time_offset)
         return EpisodeWind(inflow, speed, seed, time_offset)
 
     def _steady(self, speed: float) -> SteadyInflow:
@@ -727,21 +627,20 @@ class WindSampler:
 
     def _turned(self, wind: EpisodeWind, rng: np.random.Generator, heading: float = 0.0) -> EpisodeWind:
         """Give the wind its direction, against a heading [rad]."""
-        if self._directions == (0.0, 0.0) and self._wander is None:
+        if self._directions == (0.0, 0.0) and self._options.wander is None:
             return wind if heading == 0.0 else replace(wind, inflow=TurningInflow.by(wind.inflow, heading))
         start = heading + float(rng.uniform(*self._directions))
-        if self._wander is None:
+        if self._options.wander is None:
             turned = TurningInflow.by(wind.inflow, start)
         else:
-            deviation, time_constant = self._wander
+            deviation, time_constant = self._options.wander
             turned = TurningInflow.wandering(wind.inflow, start, deviation, time_constant, WANDERING, rng)
         return replace(wind, inflow=turned)
 
     def _own_inflows(self, kind: Any) -> tuple[Inflow | WindFile, ...]:
         """Inflows of the user; files are looked through."""
-        given = own_winds(kind)
-        hub, diameter = self._turbine.hub_height, self._turbine.rotor_diameter
-        own = tuple(self._own_inflow(one, hub, diameter) for one in given)
+        hub = self._turbine.hub_height
+        own = tuple(_own_inflow(one, hub, self._turbine.rotor_diameter) for one in own_winds(kind))
         for inflow in own:
             if abs(inflow.hub_height - hub) > _HUB_HEIGHT_TOLERANCE * hub:
                 warnings.warn(
@@ -750,19 +649,6 @@ class WindSampler:
                     stacklevel=2,
                 )
         return own
-
-    @staticmethod
-    def _own_inflow(given: Any, hub_height: float, rotor_diameter: float) -> Inflow | WindFile:
-        if is_wind_file(given):
-            return WindFile.found(given, hub_height, rotor_diameter)
-        inflow: Inflow = given
-        if isinstance(given, Mapping):
-            try:
-                inflow = wind_from(given, hub_height, rotor_diameter)
-            except InflowError as error:
-                raise InflowError(f"inflow: {error}") from error
-        require_cover(inflow, hub_height, rotor_diameter)
-        return inflow
 
     def _sigma(self, speed: float) -> float:
         """Standard deviation of the wind along its direction [m/s]."""
@@ -773,9 +659,7 @@ class WindSampler:
     def _box(self, speed: float, seed: int) -> TurbulenceBox:
         """Turbulence carried along at a speed."""
         made_at = float(_BOX_SPEED_STEP * np.ceil(speed / _BOX_SPEED_STEP))
-        while (
-            speed < 0.5 * made_at and made_at <= _BOX_SPEED_STEP
-        ):  # a box has no harmonics faster than 1 Hz at half it
+        while speed < 0.5 * made_at and made_at <= _BOX_SPEED_STEP:  # no harmonics faster than 1 Hz at half of it
             made_at *= 0.5
         box = self._make_box(made_at, seed)
         sigma = self._sigma(speed)
@@ -787,7 +671,10 @@ class WindSampler:
 
     def _make_box(self, made_at: float, seed: int, duration: float = 600.0) -> TurbulenceBox:
         """Turbulence as it is synthesized at a speed."""
-        turbine, make = self._turbine, TurbulenceBox.mann if self._whose == "mann" else TurbulenceBox.kaimal
+        turbine, make = (
+            self._turbine,
+            TurbulenceBox.mann if self._options.turbulence == "mann" else TurbulenceBox.kaimal,
+        )
         return make(made_at, turbine.hub_height, turbine.rotor_diameter, self._box_class, seed=seed, duration=duration)
 
     def _checked_speed(self, speed: Any) -> float:
@@ -813,17 +700,24 @@ class WindSampler:
                 "wind_seed and time_offset belong to turbulent wind, time_offset to files of wind too; this "
                 "environment's wind has none"
             )
+        is_seed = isinstance(wind_seed, int | np.integer) and not isinstance(wind_seed, bool)
+        if wind_seed is not None and not (is_seed and 0 <= wind_seed <= LARGEST_WIND_SEED):
+            raise InflowError(f"wind_seed must be an integer from 0 to {LARGEST_WIND_SEED}, got {shown(wind_seed)}")
         if wind_speed is not None and not isinstance(self._kind, str):
             raise InflowError("wind_speed cannot be chosen: this environment was made with an inflow of its own")
         if wind_speed is not None and self.parks:
             raise InflowError("wind_speed cannot be chosen: that of the extreme winds follows from the turbine's class")
 
 
-def _profile(options: WindOptions) -> dict[str, float]:
-    """Arguments of the profile of a steady wind."""
-    if options.roughness_length is not None:
-        return {"roughness_length": options.roughness_length}
-    return {"shear_exponent": NORMAL_SHEAR if options.shear_exponent is None else options.shear_exponent}
+def _own_inflow(given: Any, hub_height: float, rotor_diameter: float) -> Inflow | WindFile:
+    if is_wind_file(given):
+        return WindFile.found(given, hub_height, rotor_diameter)
+    try:
+        inflow: Inflow = wind_from(given, hub_height, rotor_diameter) if isinstance(given, Mapping) else given
+    except InflowError as error:
+        raise InflowError(f"inflow: {error}") from error
+    require_cover(inflow, hub_height, rotor_diameter)
+    return inflow
 
 
 def _own_wind(

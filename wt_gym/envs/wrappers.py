@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
-__all__ = ["SafetyFilter", "VectorReward"]
-
 PROTECTION = "protection"
 """Objective of the terms that no factor of a dial is for, and of the penalty for an early end."""
 _END = "termination"
@@ -54,11 +52,6 @@ class VectorReward(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         episode as -1. A mapping: names of objectives to those of their terms; others, and the penalty for an early end,
         are `PROTECTION`.
 
-    Attributes
-    ----------
-    objectives : tuple of str
-        Names of the components.
-
     Raises
     ------
     ValueError
@@ -75,11 +68,11 @@ class VectorReward(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         self._alone = objectives == "terms"
         kinds: dict[str, tuple[str, ...]] = {name: (name,) for name in (*self._weights, _END)}
         if self._alone:
-            self._weights |= {_END: plain.termination_penalty or 1.0}
+            self._weights |= {_END: plain.limits.penalty or 1.0}
         else:
             kinds = self._kinds(objectives)
         self._index = {term: k for k, terms in enumerate(kinds.values()) for term in terms}
-        self.objectives = tuple(kinds)
+        self.objectives = tuple(kinds)  # names of the components
         inner = cast(Any, plain)
         inner.reward_space = spaces.Box(-np.inf, np.inf, (len(kinds),), np.float32)
         inner.reward_dim = len(kinds)
@@ -96,9 +89,7 @@ class VectorReward(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         if unknown := [term for term in given if term not in self._weights]:
             raise ValueError(f"objectives must have terms among {', '.join(self._weights)}, got {shown(unknown)}")
         if len(set(given)) != len(given) or PROTECTION in chosen:
-            raise ValueError(
-                f"objectives must have each term once and no name {PROTECTION!r}, got {shown(dict(chosen))}"
-            )
+            raise ValueError(f"objectives must have each term once and no name {PROTECTION!r}, got {shown(chosen)}")
         return {**chosen, PROTECTION: (*(t for t in self._weights if t not in given), _END)}
 
     def step(self, action: Any) -> tuple[np.ndarray, np.ndarray, bool, bool, dict[str, Any]]:
@@ -114,10 +105,8 @@ class VectorReward(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
             plain = value if factors is None else value / factor_of(name, factors)
             vector[self._index[name]] += plain / self._weights[name] if self._alone else plain
         found = vector.astype(np.float32)
-        info = info | {
-            "objectives": dict(zip(self.objectives, found.tolist(), strict=True)),
-            "scalar_reward": float(cast(Any, reward)),
-        }
+        by_name = dict(zip(self.objectives, found.tolist(), strict=True))
+        info = info | {"objectives": by_name, "scalar_reward": float(cast(Any, reward))}
         return observation, found, terminated, truncated, info
 
 
@@ -221,9 +210,9 @@ def retreat(env: WindTurbineEnv) -> np.ndarray:
     out = np.zeros(action.size, dtype=np.float32)
     if action.residual == "offset":
         return out
-    held = dict(zip(action.names[: action.n_pitch], np.atleast_1d(setpoint.pitch), strict=False))
-    if "pitch" not in action.components:
-        held = {}
+    held = {}
+    if "pitch" in action.components:
+        held = dict(zip(action.names[: action.n_pitch], np.atleast_1d(setpoint.pitch), strict=False))
     if "torque" in action.components:
         held[action.names[action._torque_at]] = setpoint.generator_torque
     if "set_point" in action.components:

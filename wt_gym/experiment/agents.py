@@ -29,21 +29,11 @@ if TYPE_CHECKING:
     from wt_gym.envs.terms import EnvSnapshot
     from wt_gym.experiment.trained_agent import TrainedAgent
 
-__all__ = [
-    "ConstantAgent", "ControllerAgent", "ObservedSignals", "PlannerOptions", "ShootingPlanner", "UniformAgent",
-    "load_agent", "load_model",
-]  # fmt: skip
-
 
 class ConstantAgent:
     """Gives one action whatever it sees; by default the middle of the range, which holds all demands in rate mode.
 
-    Parameters
-    ----------
-    layout : EnvLayout
-        ``env.unwrapped.layout``.
-    action : array_like, shape (n_act,), optional
-        Within [-1, 1].
+    ``action`` has shape (n_act,) and numbers within [-1, 1]; ``layout`` is ``env.unwrapped.layout``.
     """
 
     def __init__(self, layout: EnvLayout, action: ArrayLike | None = None):
@@ -61,15 +51,7 @@ class ConstantAgent:
 
 
 class UniformAgent:
-    """Draws every action evenly from the action space.
-
-    Parameters
-    ----------
-    layout : EnvLayout
-        Layout of observation and action, ``env.unwrapped.layout``.
-    seed : int
-        Of the draws; each start of an episode begins them again.
-    """
+    """Draws every action evenly from the action space; each start of an episode begins the draws of its seed again."""
 
     def __init__(self, layout: EnvLayout, seed: int = 0):
         self._size, self._seed = layout.action.size, seed
@@ -86,39 +68,23 @@ class UniformAgent:
 
 
 class ObservedSignals:
-    """The channels of the simulator that can be read from an observation, by name.
+    """The channels of the simulator that can be read from an observation of shape (n_obs,), by name.
 
     The azimuth comes from its sine and cosine, a gate of a lidar as the mean of its beams where these are apart; where
-    only the mean of the blades is observed (collective pitch), each
-    blade has it.
-
-    Parameters
-    ----------
-    observation : numpy.ndarray, shape (n_obs,), optional
-        May be set later.
+    only the mean of the blades is observed (collective pitch), each blade has it.
     """
 
     def __init__(self, layout: EnvLayout, observation: np.ndarray | None = None):
         self.layout, self.observation = layout, cast(np.ndarray, observation)
 
     def source(self, name: str) -> tuple[str, ...]:
-        """Channels of the observation from which a signal is read.
-
-        Raises
-        ------
-        KeyError
-            If the observation does not have them; the message says what it has.
-        """
-        names = self.layout.observation.names
-        candidates: list[tuple[str, ...]]
+        """Channels of the observation from which a signal is read; a `KeyError` says what the observation has."""
+        names, lidar, (stem, _, number) = self.layout.observation.names, self.layout.lidar, name.rpartition("_")
+        candidates: list[tuple[str, ...]] = [(name,), (stem,)] if number.isdigit() else [(name,)]
         if name == "azimuth":
             candidates = [("azimuth_sin", "azimuth_cos")]
-        else:
-            stem, _, number = name.rpartition("_")
-            candidates = [(name,), (stem,)] if number.isdigit() else [(name,)]
-            lidar = self.layout.lidar
-            if stem == "lidar" and lidar is not None and lidar.apart:
-                candidates = [tuple(f"{name}_{beam + 1}" for beam in range(lidar.n_beams))]
+        elif stem == "lidar" and lidar is not None and lidar.apart:
+            candidates = [tuple(f"{name}_{beam + 1}" for beam in range(lidar.n_beams))]
         for candidate in candidates:
             if all(channel in names for channel in candidate):
                 return candidate
@@ -146,11 +112,9 @@ class ControllerAgent:
     Parameters
     ----------
     layout : EnvLayout
-        Layout of observation and action, ``env.unwrapped.layout``.
-    controller : str, Controller or callable
-        See `wt_gym.control.controllers.make_controller`.
-    **parameters
-        Of the controller.
+        ``env.unwrapped.layout``.
+    controller, **parameters
+        As of `wt_gym.control.controllers.make_controller`.
 
     Raises
     ------
@@ -180,23 +144,14 @@ class ControllerAgent:
             )
         if "azimuth" in self.controller.channels and action.pitch != "individual":
             raise ValueError(f"pitch must be 'individual' for a controller of individual pitch, got {action.pitch!r}")
-        if action.pitch == "individual":
-            self._pitch_names = tuple(f"pitch_demand_{b + 1}" for b in range(action.n_blades))
-        else:
-            self._pitch_names = ("pitch_demand",)
+        blades = [f"_{b + 1}" for b in range(action.n_blades)] if action.pitch == "individual" else [""]
+        self._pitch_names = tuple(f"pitch_demand{blade}" for blade in blades)
         self._signals = ObservedSignals(layout)
         for name in (*self.controller.channels, *self._pitch_names, "generator_torque_demand"):
             self._signals.source(name)
         self._pitch_tolerance = 1e-3 * action.max_pitch_rate * layout.control_dt
         self._torque_tolerance = 1e-3 * action.max_torque_rate * layout.control_dt
         self.reset()
-
-    @classmethod
-    def from_env(cls, env: Any, controller: str | Controller = "discon", **parameters: Any) -> ControllerAgent:
-        """Build the agent for a Gymnasium environment, a vector environment or a stable-baselines3 VecEnv."""
-        from wt_gym.envs.layout import layout_of
-
-        return cls(layout_of(env), controller, **parameters)
 
     def reset(self) -> None:
         """Forget everything: the next `predict` starts afresh."""
@@ -290,18 +245,8 @@ class ShootingPlanner:
     The planner tries its actions in the very episode that it controls, so that it knows plant and future wind exactly:
     no controller of a real turbine does. Its rewards are a bound for those that do not.
 
-    Parameters
-    ----------
-    env : gymnasium.Env
-        The environment that the actions are for, one of this package, behind any wrappers; what wrappers do to actions
-        and rewards is not seen.
-    **settings
-        Fields of `PlannerOptions`.
-
-    Raises
-    ------
-    ValueError
-        If a setting is unknown or out of range.
+    The environment is one of this package behind any wrappers: what these do to actions and rewards is not seen. The
+    settings are fields of `PlannerOptions`.
     """
 
     def __init__(self, env: gym.Env, **settings: Any):
@@ -387,12 +332,21 @@ def load_agent(choice: str, layout: EnvLayout, env: gym.Env | None = None) -> Ag
         If there is no such agent, or the object of a class has no ``predict``.
     """
     name = read_name(choice)
-    if name.kind == "word":
-        return _by_word(name, layout, env)
     if name.kind == "trained":
         return load_model(name)
+    if name.kind == "word" and name.target == "planner":
+        if env is None:
+            raise ValueError("a planner needs the environment that it plans in")
+        return ShootingPlanner(env, **name.parameters)
+    if name.kind == "word":
+        return ConstantAgent(layout) if name.target == "zero" else UniformAgent(layout)
     if not is_base_controller(choice):
-        return _of_own_class(name, layout)
+        maker = load_class(name.target)
+        given = {"layout": layout} if "layout" in inspect.signature(maker).parameters else {}
+        agent: Agent = call_maker(name.target, partial(maker, **given), name.parameters)
+        if not callable(getattr(agent, "predict", None)):
+            raise ValueError(f"{name.target} must make an agent with predict, got {agent!r}")
+        return agent
     if layout.action.mode == "residual":
         return ConstantAgent(layout)
     return ControllerAgent(layout, name.target, **name.parameters)
@@ -404,24 +358,3 @@ def load_model(name: Name) -> TrainedAgent:
 
     algorithm = name.parameters.get("algo") or model_card(name.target, name.parameters.get("env")).get("algo")
     return TrainedAgent.load(name.target, algorithm, trust=bool(name.parameters.get("trust", False)))
-
-
-def _by_word(name: Name, layout: EnvLayout, env: gym.Env | None) -> Agent:
-    """Agent of a word."""
-    if name.target == "zero":
-        return ConstantAgent(layout)
-    if name.target == "random":
-        return UniformAgent(layout)
-    if env is None:
-        raise ValueError("a planner needs the environment that it plans in")
-    return ShootingPlanner(env, **name.parameters)
-
-
-def _of_own_class(name: Name, layout: EnvLayout) -> Agent:
-    """Agent of a class of the user's, which gets the layout where it takes one."""
-    maker = load_class(name.target)
-    given = {"layout": layout} if "layout" in inspect.signature(maker).parameters else {}
-    agent: Agent = call_maker(name.target, partial(maker, **given), name.parameters)
-    if not callable(getattr(agent, "predict", None)):
-        raise ValueError(f"{name.target} must make an agent with predict, got {agent!r}")
-    return agent

@@ -17,7 +17,7 @@ import numpy as np
 
 import wt_gym
 from wt_gym.analysis.metrics import idle_time
-from wt_gym.analysis.statistics import bootstrap_interval, relative_change
+from wt_gym.analysis.statistics import estimate, relative_change
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs.layout import layout_of
@@ -30,10 +30,8 @@ from wt_gym.experiment.benchmark_tasks import (
     ceiling_line,
     ceiling_of,
     load_task,
-    make_reference,
     reference_of,
     task_names,
-    write_reference,
 )
 from wt_gym.experiment.environments import compile_kernels, environment_of_training
 from wt_gym.experiment.execute import Experiment, Progress, SerialExecutor
@@ -50,7 +48,7 @@ from wt_gym.experiment.names import (
     split_name,
 )
 from wt_gym.experiment.run import ENDLESS, EpisodePlayer, benchmark_fingerprint, benchmark_metrics
-from wt_gym.experiment.store import RunDefinition, RunStore, digest, run_digest
+from wt_gym.experiment.store import RunStore, digest, run_definition, run_digest
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
@@ -58,43 +56,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from wt_gym.control.controllers import Name
-    from wt_gym.control.controllers.controller import Controller
     from wt_gym.envs.episode import Agent
     from wt_gym.experiment.execute import Executor
     from wt_gym.experiment.trained_agent import TrainedAgent
-    from wt_gym.turbines import Turbine
-
-__all__ = [
-    "INTERFACE", "BenchmarkAgent", "BenchmarkRun", "BenchmarkTask", "BenchmarkWind", "Reference", "ResultFolder",
-    "Score", "WindScore", "definition_of", "entries_of", "entry_of", "into_page", "jobs_of", "leaderboard",
-    "load_task", "make_env", "make_reference", "play_task", "reference_of", "results_of", "run_definition",
-    "run_jobs", "score", "task_names", "to_markdown", "wind_score", "write_reference",
-]  # fmt: skip
-
-
-def run_definition(
-    task: BenchmarkTask, wind: BenchmarkWind, agent: dict[str, Any], interface: dict[str, Any] | None = None
-) -> dict[str, Any]:
-    """What decides on the numbers of a run, as JSON values.
-
-    Parameters
-    ----------
-    agent : dict
-        JSON values that tell the agent from every other one.
-    interface : dict, optional
-        See `make_env`.
-    """
-    return RunDefinition(
-        wind=wind.definition,
-        duration=task.duration,
-        skip=task.skip,
-        fingerprint=_fingerprint(_argument(task, "turbine"), _argument(task, "fidelity")),
-        agent=agent,
-        env_id=task.env_id,
-        env_kwargs=task.env_kwargs,
-        interface=dict(interface or {}),
-        more={"task": task.name, "version": task.version},
-    ).to_json()
 
 
 def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any] | None = None) -> gym.Env:
@@ -118,17 +82,13 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
         )
     if isinstance(interface.get("controller"), list):
         name, parameters = interface["controller"]
-        interface["controller"] = partial(_make_controller, name, parameters)
+        interface["controller"] = partial(make_controller, name, **parameters)
     given = {**task.env_kwargs, **interface} | {"relative_reward": False, "starts": None}  # compared with other runs
     if wind.transient is not None:
-        given |= {"inflow": wind.inflow(_turbine(task)), "wind_speed": None}
+        given |= {"inflow": wind.inflow(_load_turbine(_argument(task, "turbine"))), "wind_speed": None}
     env = gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=ENDLESS)
     turbine_env_of(env).outer_steps = ENDLESS
     return env
-
-
-def _make_controller(name: str, parameters: dict[str, Any], turbine: Turbine) -> Controller:
-    return make_controller(name, turbine, **parameters)
 
 
 def play_task(
@@ -173,9 +133,12 @@ def play_task(
             "episode_return": run.episode_return,
             "cost": run.cost,
             "idle_time": idle_time(run.data),
-            "made_with": _software_versions(),
+            "made_with": {  # for the record: versions decide on no score
+                "wt_gym": wt_gym.__version__, "python": platform.python_version(), "numpy": np.__version__,
+                "gymnasium": gym.__version__, "machine": platform.machine(),
+            },
             "wall_seconds": round(time.monotonic() - began, 1),
-        }
+        }  # fmt: skip
     finally:
         env.close()
 
@@ -183,10 +146,6 @@ def play_task(
 def _argument(task: BenchmarkTask, name: str) -> Any:
     """Argument that the environment of a task is made with."""
     return {**gym.spec(task.env_id).kwargs, **task.env_kwargs}[name]
-
-
-def _turbine(task: BenchmarkTask) -> Turbine:
-    return _load_turbine(_argument(task, "turbine"))
 
 
 _load_turbine = cache(load_turbine)
@@ -197,15 +156,9 @@ def _fingerprint(turbine: str, fidelity: str) -> dict[str, Any]:
     return benchmark_fingerprint(_load_turbine(turbine), fidelity)
 
 
-def _software_versions() -> dict[str, str]:
-    """Versions, for the record: they decide on no score."""
-    return {
-        "wt_gym": wt_gym.__version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "gymnasium": gym.__version__,
-        "machine": platform.machine(),
-    }
+def task_fingerprint(task: BenchmarkTask) -> dict[str, Any]:
+    """Fingerprint of the turbine, the fidelity and the code of a task, see `benchmark_fingerprint`."""
+    return _fingerprint(_argument(task, "turbine"), _argument(task, "fidelity"))
 
 
 class ResultFolder(RunStore):
@@ -223,13 +176,7 @@ class ResultFolder(RunStore):
         return f"{definition.get('task')}-{run_digest(definition)}.json"
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        """All results, by name of the file.
-
-        Raises
-        ------
-        wt_gym.base.errors.BenchmarkError
-            If a file is damaged, or has another name than its content.
-        """
+        """All results by name of the file; a `BenchmarkError` if one is damaged, or is not what its name says."""
         for path in sorted(self.path.glob("*-*.json")):
             yield self._read(path)
 
@@ -277,8 +224,14 @@ def _entry(label: str, name: Name) -> BenchmarkAgent:
         return BenchmarkAgent(label, text, {"kind": "planner", "parameters": name.parameters})
     if name.kind == "word":
         return BenchmarkAgent(label, text, {"kind": name.target})
-    if name.kind == "trained":
-        return _trained(label, name)
+    if name.kind == "trained":  # in the environment of its training, or in the one that it chooses
+        from wt_gym.experiment.trained_agent import model_digests  # torch takes seconds to import
+
+        agent, chosen = load_model(name), env_choices_of(text)
+        record = agent.record or {}
+        algorithm = record.get("algorithm") or type(agent.model).__name__
+        definition = {"kind": "trained", "algorithm": algorithm, "sha256": model_digests(name.target)}
+        return BenchmarkAgent(label, text, definition, environment_of_training(record, INTERFACE) | chosen)
     if name.kind == "class":
         known = fingerprint(text)
         source = {"class": known["class"], "parameters": name.parameters, "sha256": [*known["sha256"].values()]}
@@ -286,7 +239,7 @@ def _entry(label: str, name: Name) -> BenchmarkAgent:
             return BenchmarkAgent(label, text, {"kind": "class", **source}, env_choices_of(text))
         residual = {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]}
         return BenchmarkAgent(label, text, {"kind": "controller", **source}, residual)
-    definition: dict[str, Any] = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
+    definition = {"kind": "controller", "controller": name.target, "parameters": name.parameters}
     if files := fingerprint(text).get("sha256"):  # a library of others, with its input files
         definition["sha256"] = [*files.values()]
     return BenchmarkAgent(label, text, definition, {**RESIDUAL_INTERFACE, "controller": [name.target, name.parameters]})
@@ -295,10 +248,7 @@ def _entry(label: str, name: Name) -> BenchmarkAgent:
 def entries_of(texts: Iterable[str]) -> list[BenchmarkAgent]:
     """Entries of a command line, each once; the folder of a training with several seeds is one a seed.
 
-    Raises
-    ------
-    ValueError
-        If one is not an agent, or two different ones have the same name.
+    Raises a `ValueError` if one is not an agent, or two different ones have the same name.
     """
     entries: dict[str, BenchmarkAgent] = {}
     for label, text in each_named(texts, groups=GROUPS):
@@ -306,17 +256,6 @@ def entries_of(texts: Iterable[str]) -> list[BenchmarkAgent]:
         if entries.setdefault(entry.name, entry) != entry:
             raise ValueError(f"two agents are called {entry.name!r}; give them names as NAME=CHOICE")
     return list(entries.values())
-
-
-def _trained(label: str, name: Name) -> BenchmarkAgent:
-    """Agent of a trained model, in the environment it was trained in, or in the one that it chooses."""
-    from wt_gym.experiment.trained_agent import model_digests  # torch takes seconds to import
-
-    agent, chosen = load_model(name), env_choices_of(name.text)
-    record = agent.record or {}
-    algorithm = record.get("algorithm") or type(agent.model).__name__
-    definition = {"kind": "trained", "algorithm": algorithm, "sha256": model_digests(name.target)}
-    return BenchmarkAgent(label, name.text, definition, environment_of_training(record, INTERFACE) | chosen)
 
 
 @dataclass(frozen=True)
@@ -332,10 +271,15 @@ class BenchmarkRun:
         """Short name for progress."""
         return f"{self.entry.name} in {self.task.id}, {self.wind.label}"
 
-
-def definition_of(job: BenchmarkRun) -> dict[str, Any]:
-    """What decides on the numbers of a job."""
-    return run_definition(job.task, job.wind, {"name": job.entry.name, **job.entry.definition}, job.entry.interface)
+    @property
+    def definition(self) -> dict[str, Any]:
+        """Definition of the run as `wt_gym.experiment.store.run_definition`, with name and version of the task."""
+        return run_definition(
+            wind=self.wind.definition, duration=self.task.duration, skip=self.task.skip,
+            fingerprint=task_fingerprint(self.task), agent={"name": self.entry.name, **self.entry.definition},
+            env_id=self.task.env_id, env_kwargs=self.task.env_kwargs, interface=self.entry.interface,
+            task=self.task.name, version=self.task.version,
+        )  # fmt: skip
 
 
 def jobs_of(tasks: Iterable[BenchmarkTask], entries: Sequence[BenchmarkAgent]) -> list[BenchmarkRun]:
@@ -350,7 +294,7 @@ class _BenchmarkRuns(Experiment):
         self._first = first
 
     def definition(self, row: BenchmarkRun) -> dict[str, Any]:
-        return definition_of(row)
+        return row.definition
 
     def label(self, row: BenchmarkRun) -> str:
         return row.label
@@ -364,7 +308,7 @@ class _BenchmarkRuns(Experiment):
 
     def __call__(self, row: BenchmarkRun) -> dict[str, Any]:
         result = play_task(row.task, row.wind, row.entry.make, row.entry.interface, self.progress)
-        return {"definition": definition_of(row), "agent": row.entry.name, **result}
+        return {"definition": row.definition, "agent": row.entry.name, **result}
 
 
 def run_jobs(
@@ -379,17 +323,6 @@ def run_jobs(
     if jobs:
         _BenchmarkRuns(jobs[0]).table(jobs, executor, folder, progress)
     return executor.tally.done - before
-
-
-def results_of(task: BenchmarkTask, entry: BenchmarkAgent, folder: ResultFolder) -> dict[str, dict[str, Any]]:
-    """Results of an entry in a task by the label of the wind.
-
-    Raises
-    ------
-    FileNotFoundError
-        If one was not made.
-    """
-    return {wind.label: folder.read(definition_of(BenchmarkRun(task, wind, entry))) for wind in task.winds}
 
 
 # ---- scores ----
@@ -447,10 +380,10 @@ def score(task: BenchmarkTask, results: Mapping[str, Mapping[str, Any]], referen
     for wind in task.winds:
         reference.check(task, results[wind.label]["definition"])
     rows = tuple(wind_score(task, wind, results[wind.label], reference) for wind in task.winds)
-    values = np.array([row.score for row in rows])
-    weights, strata = np.array([wind.weight for wind in task.winds]), [wind.stratum for wind in task.winds]
-    low, high = bootstrap_interval(lambda k: np.average(values[k], axis=-1, weights=weights[k]), strata)
-    return Score(float(np.average(values, weights=weights)), low, high, float(np.mean(values > 0.0)), rows)
+    values, weights = np.array([row.score for row in rows]), np.array([wind.weight for wind in task.winds])
+    strata = [wind.stratum for wind in task.winds]
+    mean = estimate(strata, lambda k: np.average(values[k], axis=-1, weights=weights[k]), False, least=2)
+    return Score(mean.value, mean.low, mean.high, float(np.mean(values > 0.0)), rows)
 
 
 _SHOWN = {
@@ -546,6 +479,8 @@ def _changes(task: BenchmarkTask, by_wind: Mapping[str, Mapping[str, Any]], refe
 
 def to_markdown(board: Mapping[str, Any]) -> str:
     """Tables of a `leaderboard`, one a task."""
+    from wt_gym.analysis.page import Row, markdown  # with plotly
+
     lines = []
     for name, rows in board["tasks"].items():
         task, best = load_task(name), board["references"].get(name)
@@ -557,21 +492,14 @@ def to_markdown(board: Mapping[str, Any]) -> str:
             lines += [board["ceilings"][name]["line"], ""]
         shown = _shown(task)
         head = ["agent", "score", "95 % interval", "better in", *shown.values(), "pitch travel", "penalties"]
-        lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-        lines += ["| " + " | ".join(_cells(row, shown)) + " |" for row in rows]
+        lines += markdown(head, [Row(row["agent"], _cells(row, shown)) for row in rows])
         lines += ["", *(f"- {row['agent']}: {row['refused']}" for row in rows if row["refused"])]
         lines += [""] * (lines[-1] != "")
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def into_page(table: str, page: str, part: str = "leaderboard") -> str:
-    """Put a table between the lines ``<!-- part -->`` and ``<!-- end of the part -->`` of a page.
-
-    Raises
-    ------
-    wt_gym.base.errors.BenchmarkError
-        If the page has no such lines.
-    """
+    """Put a table between the lines ``<!-- part -->`` and ``<!-- end of the part -->`` that a page must have."""
     first, last = f"<!-- {part} -->", f"<!-- end of the {part} -->"
     before, begin, rest = page.partition(first)
     _, end, after = rest.partition(last)
@@ -583,13 +511,12 @@ def into_page(table: str, page: str, part: str = "leaderboard") -> str:
 def _cells(row: Mapping[str, Any], shown: Collection[str]) -> list[str]:
     """Cells of a row, with the changes of some metrics."""
     if row["score"] is None:
-        return [row["agent"], "–", "–", f"{row['winds']} winds run", *["–"] * len(shown), "–", "–"]
+        return ["–", "–", f"{row['winds']} winds run", *["–"] * len(shown), "–", "–"]
     found, changes = row["score"], row["changes"]
     broken = [reason for wind in found["winds"] for reason in wind["broken"]]
     penalties = ", ".join(f"{reason} × {broken.count(reason)}" for reason in dict.fromkeys(broken))
     travel = row["pitch_travel"]
     return [
-        row["agent"],
         f"{found['score']:.1f}",
         f"{found['low']:.1f} … {found['high']:.1f}",
         f"{100 * found['better']:.0f} %",

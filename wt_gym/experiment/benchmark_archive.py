@@ -23,11 +23,10 @@ from wt_gym.experiment.benchmark import (
     BenchmarkAgent,
     BenchmarkRun,
     ResultFolder,
-    definition_of,
     entry_of,
-    load_task,
     run_jobs,
 )
+from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.store import digest
 from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, model_digests, model_files
 
@@ -35,10 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from wt_gym.experiment.benchmark_tasks import BenchmarkTask
     from wt_gym.experiment.execute import Executor
-
-__all__ = ["Verified", "drawn", "opened", "pack", "read_archive", "verify", "write_archive"]
 
 RUNS, MODELS = "runs", "models"
 """Folders of an archive: results of a `wt_gym.experiment.benchmark.ResultFolder`, and models by `model_folder`."""
@@ -46,13 +42,7 @@ _MANIFEST = "manifest.json"
 
 
 def model_folder(digests: Mapping[str, str]) -> str:
-    """Name of the folder of a model: a digest of the sums of its files.
-
-    Parameters
-    ----------
-    digests : mapping
-        SHA-256 sums of the files by name, as the definition of a run has them.
-    """
+    """Name of the folder of a model: a digest of the SHA-256 sums of its files by name, as a definition has them."""
     return digest(dict(digests))
 
 
@@ -66,9 +56,9 @@ def write_archive(path: Path, runs: Iterable[Path], models: Mapping[str, Iterabl
     for folder, files in models.items():
         members |= {f"{MODELS}/{folder}/{file.name}": file.read_bytes() for file in files}
     sums = {name: hashlib.sha256(members[name]).hexdigest() for name in sorted(members)}
-    whole = io.BytesIO()
+    manifest, whole = json.dumps(sums, indent=1) + "\n", io.BytesIO()
     with tarfile.open(fileobj=whole, mode="w", format=tarfile.PAX_FORMAT) as archive:
-        for name, content in ((_MANIFEST, _json(sums)), *((name, members[name]) for name in sums)):
+        for name, content in ((_MANIFEST, manifest.encode()), *((name, members[name]) for name in sums)):
             about = tarfile.TarInfo(name)
             about.size = len(content)
             archive.addfile(about, io.BytesIO(content))
@@ -108,10 +98,6 @@ def read_archive(path: Path, folder: Path) -> None:
             raise BenchmarkError(f"{path}: names of members must be {RUNS}/FILE or {MODELS}/MODEL/FILE, got {name!r}")
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(data)
-
-
-def _json(values: Any) -> bytes:
-    return (json.dumps(values, indent=1) + "\n").encode()
 
 
 SAME = 2e-5
@@ -169,9 +155,14 @@ def pack(folder: ResultFolder, paths: Iterable[str | Path], file: Path) -> dict[
     known = {model_folder(model_digests(path)): path for path in paths}
     used: dict[str, set[str]] = {}
     for result in results:
-        if (sums := _sums(result)) is not None:
-            used.setdefault(model_folder(sums), set()).add(result["agent"])
-    models = {name: _files(known[name]) for name in used if name in known}
+        agent = result["definition"]["agent"]
+        if agent["kind"] == "trained":
+            used.setdefault(model_folder(agent["sha256"]), set()).add(result["agent"])
+    models = {}
+    for name in used.keys() & known:
+        files = model_files(known[name])
+        record = files[0].with_name(RECORD_FILE)  # of the training, where it is beside the model
+        models[name] = [*files, *([record] if record.is_file() else [])]
     write_archive(file, [folder.file(result["definition"]) for result in results], models)
     missing = sorted(agent for name in used if name not in known for agent in used[name])
     return {"runs": len(results), "models": len(models), "bytes": file.stat().st_size, "missing": missing}
@@ -217,15 +208,8 @@ def verify(
     with tempfile.TemporaryDirectory() as name:
         kept = ResultFolder(Path(name) if repeated is None else repeated)
         run_jobs(jobs, kept, executor)
-        return [_compared(job, result, kept.read(definition_of(job)))
+        return [_compared(job, result, kept.read(job.definition))
                 for job, result in zip(jobs, results, strict=True)]  # fmt: skip
-
-
-def _files(path: str | Path) -> list[Path]:
-    """Files of a model, with the record of its training where it is beside it."""
-    files = model_files(path)
-    record = files[0].with_name(RECORD_FILE)
-    return [*files, *([record] if record.is_file() else [])]
 
 
 def drawn(results: Sequence[Any], sample: int | None, seed: int) -> list[Any]:
@@ -236,28 +220,17 @@ def drawn(results: Sequence[Any], sample: int | None, seed: int) -> list[Any]:
     return [results[k] for k in sorted(chosen)]
 
 
-def _sums(result: dict[str, Any]) -> dict[str, str] | None:
-    """Digests of the model that made a run; None where no model did."""
-    agent = result["definition"]["agent"]
-    return agent["sha256"] if agent["kind"] == "trained" else None
-
-
 def _job(result: dict[str, Any], models: dict[str, Path], given: Sequence[BenchmarkAgent]) -> BenchmarkRun:
     """The job that a result says it was."""
     definition = result["definition"]
-    task = _task(definition)
-    wind = next((wind for wind in task.winds if digest(wind.definition) == digest(definition["wind"])), None)
-    if wind is None:
-        raise BenchmarkError(f"{result['agent']}: {definition['wind']} must be a wind of {task.id}")
-    return BenchmarkRun(task, wind, _entry(result, models, given))
-
-
-def _task(definition: dict[str, Any]) -> BenchmarkTask:
     task = load_task(definition["task"])
     if task.version != definition["version"]:
         recorded = f"{definition['task']}-v{definition['version']}"
         raise BenchmarkError(f"{recorded} must be a task of this version of the package; known: {task.id}")
-    return task
+    wind = next((wind for wind in task.winds if digest(wind.definition) == digest(definition["wind"])), None)
+    if wind is None:
+        raise BenchmarkError(f"{result['agent']}: {definition['wind']} must be a wind of {task.id}")
+    return BenchmarkRun(task, wind, _entry(result, models, given))
 
 
 def _entry(result: dict[str, Any], models: dict[str, Path], given: Sequence[BenchmarkAgent]) -> BenchmarkAgent:
@@ -289,11 +262,11 @@ def _compared(job: BenchmarkRun, recorded: dict[str, Any], found: dict[str, Any]
     other = tuple(differing(recorded["definition"]["fingerprint"], found["definition"]["fingerprint"]))
     if recorded["ending"] != found["ending"] or recorded["metrics"].keys() - found["metrics"].keys():
         return Verified(job.label, float("inf"), f"ending ({recorded['ending']}, now {found['ending']})", other)
-    deviations = {"duration": _deviation(recorded["duration"], found["duration"])}
-    deviations |= {key: _deviation(value, found["metrics"][key]) for key, value in recorded["metrics"].items()}
+    pairs = {key: (value, found["metrics"][key]) for key, value in recorded["metrics"].items()}
+    pairs = {"duration": (recorded["duration"], found["duration"])} | pairs
+    deviations = {
+        key: abs(now - before) / abs(before) if before else (0.0 if now == 0.0 else float("inf"))
+        for key, (before, now) in pairs.items()
+    }
     metric = max(deviations, key=deviations.__getitem__)
     return Verified(job.label, deviations[metric], metric, other)
-
-
-def _deviation(recorded: float, found: float) -> float:
-    return abs(found - recorded) / abs(recorded) if recorded else (0.0 if found == 0.0 else float("inf"))

@@ -20,12 +20,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "BenchmarkTask", "BenchmarkWind", "Ceiling", "Limit", "Reference", "ScoreTerm", "ceiling_file", "ceiling_line",
-    "ceiling_of", "improvement", "load_task", "make_reference", "reference_of", "task_file", "task_names",
-    "transient_inflow", "write_reference",
-]  # fmt: skip
-
 _FOLDER = Path(__file__).parent / "benchmark_data"
 _TRANSIENTS = ("EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal")
 _KEYS = {
@@ -33,6 +27,8 @@ _KEYS = {
     "candidates",
 }  # fmt: skip
 _OPTIONAL = {"reference", "yardstick", "baseline"}
+_LIMITS = {"least": (True, False), "most": (False, False), "least_ratio": (True, True), "most_ratio": (False, True)}
+"""Kinds of limits: whether the bound is the least allowed, and whether it is relative to the baseline."""
 # What may change without making other runs or another score of it.
 _NOT_FROZEN = ("goal", "candidates", "reference")
 
@@ -71,21 +67,9 @@ class BenchmarkWind:
 
 
 def transient_inflow(turbine: Turbine, kind: str, speed: float, sign: int, start: float) -> TransientInflow:
-    """Transient of IEC 61400-1 for the class of a turbine.
-
-    Parameters
-    ----------
-    kind : {"EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal"}
-    speed : float
-        Mean at hub height before it [m/s].
-    sign : int
-        Of its direction or shear, see `wt_gym.wind.TransientInflow`.
-    start : float
-        Time at which it begins [s].
-    """
-    where, turbulence, (kind, _, axis) = (
-        (speed, turbine.hub_height, turbine.rotor_diameter), turbine.turbulence_class, kind.partition("-"),
-    )  # fmt: skip
+    """Transient of IEC 61400-1 for the class of a turbine; kind, speed, sign and start as of `BenchmarkWind`."""
+    where, turbulence = (speed, turbine.hub_height, turbine.rotor_diameter), turbine.turbulence_class
+    kind, _, axis = kind.partition("-")
     if kind == "EOG":
         return TransientInflow.eog(*where, turbulence, turbine.iec_class, start_time=start)
     if kind == "EDC":
@@ -105,13 +89,7 @@ class ScoreTerm:
 
 
 def improvement(terms: Iterable[ScoreTerm], metrics: Mapping[str, float], baseline: Mapping[str, float]) -> float:
-    """Sum of terms over the baseline in the same wind.
-
-    Raises
-    ------
-    wt_gym.base.errors.BenchmarkError
-        If a metric of the baseline is 0 that has no scale.
-    """
+    """Sum of terms over the baseline in the same wind; a `BenchmarkError` if its metric without a scale is 0."""
     total = 0.0
     for term in terms:
         before = baseline[term.metric]
@@ -160,13 +138,7 @@ class BenchmarkTask:
 
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> BenchmarkTask:
-        """Read the content of a task's file.
-
-        Raises
-        ------
-        wt_gym.base.errors.BenchmarkError
-            If something is missing, unknown or without meaning.
-        """
+        """Read the content of a task's file; a `BenchmarkError` if something is missing, unknown or without meaning."""
         name = values.get("name", "?")
         missing, unknown = sorted(_KEYS - set(values)), sorted(set(values) - _KEYS - _OPTIONAL)
         if missing or unknown:
@@ -188,24 +160,26 @@ class BenchmarkTask:
             raise BenchmarkError(
                 f"task {name}: winds must be at least 6 different ones, got {[w.label for w in winds]}"
             )
-        return cls(
-            name=name,
-            version=int(values["version"]),
-            goal=values["goal"],
-            env_id=values["env_id"],
-            env_kwargs=dict(values["env_kwargs"]),
-            duration=float(values["duration"]),
-            skip=float(values["skip"]),
-            winds=winds,
-            terms=tuple(_term(name, metric, given) for metric, given in values["terms"].items()),
-            limits=tuple(_limit(name, metric, given) for metric, given in values["limits"].items()),
-            clip=(float(low), float(high)),
-            candidates=tuple(values["candidates"]),
-            digest=digest({key: value for key, value in values.items() if key not in _NOT_FROZEN}),
-            reference=values.get("reference"),
-            yardstick=values.get("yardstick"),
-            baseline=values.get("baseline", cls.baseline),
-        )
+        terms, limits = [], []
+        for metric, given in values["terms"].items():
+            if not {"weight"} <= set(given) <= {"weight", "scale"} or given.get("scale", 1.0) <= 0.0:
+                raise BenchmarkError(
+                    f"task {name}: the term {metric} must have a weight and may have a positive scale, got {given}"
+                )
+            terms.append(ScoreTerm(metric, **given))
+        for metric, given in values["limits"].items():
+            if len(given) != 1 or not set(given) <= set(_LIMITS):
+                raise BenchmarkError(
+                    f"task {name}: the limit of {metric} must be one of {', '.join(_LIMITS)}, got {given}"
+                )
+            ((kind, bound),) = given.items()
+            limits.append(Limit(metric, float(bound), *_LIMITS[kind]))
+        return cls(**values | {
+            "winds": winds, "terms": tuple(terms), "limits": tuple(limits), "clip": (float(low), float(high)),
+            "duration": float(values["duration"]), "skip": float(values["skip"]),
+            "candidates": tuple(values["candidates"]),
+            "digest": digest({key: value for key, value in values.items() if key not in _NOT_FROZEN}),
+        })  # fmt: skip
 
     @property
     def measures(self) -> tuple[str, ...]:
@@ -243,40 +217,13 @@ def _winds(name: str, groups: list[dict[str, Any]]) -> tuple[BenchmarkWind, ...]
     return tuple(winds)
 
 
-def _term(name: str, metric: str, given: dict[str, Any]) -> ScoreTerm:
-    if not {"weight"} <= set(given) <= {"weight", "scale"} or given.get("scale", 1.0) <= 0.0:
-        raise BenchmarkError(
-            f"task {name}: the term {metric} must have a weight and may have a positive scale, got {given}"
-        )
-    return ScoreTerm(metric, **given)
-
-
-def _limit(name: str, metric: str, given: dict[str, float]) -> Limit:
-    kinds = {"least": (True, False), "most": (False, False), "least_ratio": (True, True), "most_ratio": (False, True)}
-    if len(given) != 1 or not set(given) <= set(kinds):
-        raise BenchmarkError(f"task {name}: the limit of {metric} must be one of {', '.join(kinds)}, got {given}")
-    ((kind, bound),) = given.items()
-    return Limit(metric, float(bound), *kinds[kind])
-
-
 def task_names() -> tuple[str, ...]:
     """Names of all tasks."""
     return tuple(sorted(path.stem for path in _FOLDER.glob("*.json")))
 
 
 def task_file(name: str) -> Path:
-    """Path of a task's file.
-
-    Parameters
-    ----------
-    name : str
-        Of the task.
-
-    Raises
-    ------
-    wt_gym.base.errors.BenchmarkError
-        If there is no such task.
-    """
+    """Path of a task's file; a `wt_gym.base.errors.BenchmarkError` if there is no such task."""
     if name not in task_names():
         raise BenchmarkError(
             f"task must be one of {', '.join(task_names())}; got {name!r}{did_you_mean(name, task_names())}"
@@ -285,18 +232,7 @@ def task_file(name: str) -> Path:
 
 
 def load_task(name: str) -> BenchmarkTask:
-    """Read a task.
-
-    Parameters
-    ----------
-    name : str
-        As of `task_file`.
-
-    Raises
-    ------
-    wt_gym.base.errors.BenchmarkError
-        If there is no such task, or its file is damaged.
-    """
+    """Read a task; a `wt_gym.base.errors.BenchmarkError` if there is no such task, or its file is damaged."""
     return BenchmarkTask.from_json(json.loads(task_file(name).read_text(encoding="utf-8")))
 
 
@@ -315,13 +251,7 @@ class Reference:
     improvements: dict[str, float | None]  #: mean improvement of every candidate; None for one that broke a limit
 
     def check(self, task: BenchmarkTask, definition: Mapping[str, Any]) -> None:
-        """Refuse a result that cannot be compared with these numbers.
-
-        Raises
-        ------
-        wt_gym.base.errors.BenchmarkError
-            If it belongs to another task or version, or was made with another turbine, fidelity or physics.
-        """
+        """Refuse a result of another task or version, turbine, fidelity or physics by a `BenchmarkError`."""
         if (definition["task"], definition["version"]) != (task.name, task.version):
             raise BenchmarkError(f"a result of {definition['task']}-v{definition['version']} has no score in {task.id}")
         parts = differing(definition["fingerprint"], self.fingerprint)
@@ -334,13 +264,7 @@ class Reference:
 
 
 def reference_of(task: BenchmarkTask) -> Reference:
-    """Reference numbers in the file of a task.
-
-    Raises
-    ------
-    wt_gym.base.errors.BenchmarkError
-        If there are none, or the task has been changed since.
-    """
+    """Reference numbers in the file of a task; a `BenchmarkError` if there are none, or the task has changed since."""
     renew = f"wt-gym benchmark reference --task {task.name} makes them"
     if task.reference is None:
         raise BenchmarkError(f"the task {task.id} has no reference numbers yet: {renew}")
@@ -380,7 +304,10 @@ def make_reference(
     metrics = {wind.label: dict(baseline[wind.label]["metrics"]) for wind in task.winds}
     found: dict[str, float | None] = {}
     for name, results in candidates.items():
-        keeps = all(_keeps(task, results[label], metrics[label]) for label in metrics)
+        keeps = all(
+            results[label]["ending"] == "time" and not task.broken_limits(results[label]["metrics"], metrics[label])
+            for label in metrics
+        )
         gains = [task.improvement(results[label]["metrics"], metrics[label]) for label in metrics] if keeps else None
         found[name] = None if gains is None else float(np.average(gains, weights=weights))
     allowed = {name: value for name, value in found.items() if value is not None}
@@ -391,19 +318,8 @@ def make_reference(
     return Reference(task.digest, fingerprint, metrics, best, allowed[best], found)
 
 
-def _keeps(task: BenchmarkTask, result: Mapping[str, Any], baseline: Mapping[str, float]) -> bool:
-    """Whether a run lasted and kept every limit."""
-    return result["ending"] == "time" and not task.broken_limits(result["metrics"], baseline)
-
-
 def write_reference(task: BenchmarkTask, reference: Reference, path: Path | None = None) -> Path:
-    """Write reference numbers into the file of a task; nothing else in it changes.
-
-    Parameters
-    ----------
-    path : path, optional
-        Of the file, by default that in the package.
-    """
+    """Write reference numbers into a file of a task, by default that in the package; nothing else in it changes."""
     path = path or task_file(task.name)
     values = json.loads(path.read_text(encoding="utf-8"))
     values["reference"] = asdict(reference)
@@ -452,15 +368,7 @@ def ceiling_file(task: BenchmarkTask) -> Path:
 def ceiling_of(task: BenchmarkTask, path: Path | None = None) -> Ceiling | None:
     """Ceiling of a task, None if it has not been made, or belongs to another definition of the task.
 
-    Parameters
-    ----------
-    path : path, optional
-        Of the file, by default that in the package.
-
-    Raises
-    ------
-    wt_gym.base.errors.BenchmarkError
-        If its file is damaged.
+    Its file is by default that in the package; a `wt_gym.base.errors.BenchmarkError` if that is damaged.
     """
     path = path or ceiling_file(task)
     if not path.is_file():

@@ -55,11 +55,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "COLUMNS", "ComparisonConfig", "ControllerRuns", "change", "comparison_table", "in_all_winds", "inflow_of",
-    "run_cases", "write_comparison",
-]  # fmt: skip
-
 COLUMNS = (
     ("mean_power", "power"),
     ("blade_flap_del", "flap DEL"),
@@ -93,7 +88,7 @@ class ControllerRuns:
 
 def inflow_of(turbine: Turbine, wind: Wind, shear_exponent: float = 0.2) -> Inflow:
     """Inflow of a wind: sheared, with Kaimal turbulence of the turbine's class if there is a seed."""
-    steady = _steady(turbine, wind, shear_exponent)
+    steady = SteadyInflow(wind.speed, turbine.hub_height, shear_exponent=shear_exponent)
     if wind.seed is None:
         return steady
     box = TurbulenceBox.kaimal(
@@ -101,11 +96,6 @@ def inflow_of(turbine: Turbine, wind: Wind, shear_exponent: float = 0.2) -> Infl
         turbine_class=turbine.iec_class,
     )  # fmt: skip
     return TurbulentInflow(box, steady)
-
-
-def _steady(turbine: Turbine, wind: Wind, shear_exponent: float) -> SteadyInflow:
-    """Mean wind; refuses a speed without meaning."""
-    return SteadyInflow(wind.speed, turbine.hub_height, shear_exponent=shear_exponent)
 
 
 @option_record
@@ -164,13 +154,12 @@ def run_cases(
         If a wind cannot be made; nothing has run then.
     """
     winds = list(winds)
-    for wind in winds:
-        _steady(turbine, wind, 0.0)
+    steady = [inflow_of(turbine, Wind(wind.speed), 0.0) for wind in winds]  # refuses speeds without meaning
     runs = [] if runs is None else runs
     by_label = {label: ControllerRuns(label, {}, {}) for label in controllers}
     runs += by_label.values()
     experiment = _Comparison(turbine, dict(controllers), config or ComparisonConfig())
-    experiment.check(_steady(turbine, winds[0], 0.0))
+    experiment.check(steady[0])
     rows = [(label, wind) for wind in winds for label in controllers]
     for number, (metrics, failure, idle) in experiment.played(rows, executor, progress=progress):
         label, wind = rows[number]
@@ -346,18 +335,9 @@ _LOADS = {
 def write_comparison(
     runs: Sequence[ControllerRuns], path: str | Path, turbine: str, settings: Mapping[str, Any]
 ) -> Path:
-    """Write the page.
+    """Write an HTML page of runs in the same winds, against the first; its folder is created if missing.
 
-    Parameters
-    ----------
-    runs : sequence of ControllerRuns
-        In the same winds; the first is the reference.
-    path : str or path
-        HTML file; its folder is created if missing.
-    turbine : str
-        Title of the turbine.
-    settings : mapping
-        With ``duration`` and ``skip`` [s], and what else it was made with.
+    The settings have ``duration`` and ``skip`` [s], and what else it was made with; the turbine is told by its title.
     """
     cases = runs[0].done
     speeds = sorted({case.speed for case in cases})
@@ -398,7 +378,16 @@ def _result(runs: Sequence[ControllerRuns]) -> str:
     reference, *others = runs
     if not others:
         return f"{reference.name} alone, in {len(reference.metrics)} winds."
-    changes = {run.name: {key: _change(run, reference, key) for key in _LOADS} for run in others if run.metrics}
+
+    def changed(run: ControllerRuns, metric: str) -> float:
+        """Change over all winds; NaN where there is none."""
+        estimate = change(run, reference, None, metric)
+        return math.nan if estimate is None else estimate.value
+
+    def percent(value: float) -> str:
+        return f"{100.0 * value:+.1f}\u00a0%".replace("-", "\u2212")
+
+    changes = {run.name: {key: changed(run, key) for key in _LOADS} for run in others if run.metrics}
     least = {name: float(np.mean(list(by_load.values()))) for name, by_load in changes.items()}
     known = {name: value for name, value in least.items() if not math.isnan(value)}
     if not known:
@@ -406,21 +395,11 @@ def _result(runs: Sequence[ControllerRuns]) -> str:
     best = min(known, key=known.__getitem__)
     if known[best] >= 0.0:
         return f"No controller has less fatigue than {reference.name} in the mean of blade and tower."
-    words = ", ".join(f"{name} by {_percent(changes[best][key])}" for key, name in _LOADS.items())
-    power = _change(next(run for run in others if run.name == best), reference, "mean_power")
-    more = "" if math.isnan(power) else f", and power by {_percent(power)}"
+    words = ", ".join(f"{name} by {percent(changes[best][key])}" for key, name in _LOADS.items())
+    power = changed(next(run for run in others if run.name == best), "mean_power")
+    more = "" if math.isnan(power) else f", and power by {percent(power)}"
     winds = f"mean over {len(reference.metrics)} winds"
     return f"Least fatigue: {best} changes {words}{more} against {reference.name}, {winds}."
-
-
-def _change(run: ControllerRuns, reference: ControllerRuns, metric: str) -> float:
-    """Change over all winds; NaN where there is none."""
-    estimate = change(run, reference, None, metric)
-    return math.nan if estimate is None else estimate.value
-
-
-def _percent(value: float) -> str:
-    return f"{100.0 * value:+.1f}\u00a0%".replace("-", "\u2212")
 
 
 def _blocks(runs: Sequence[ControllerRuns], speeds: Sequence[float]) -> str:

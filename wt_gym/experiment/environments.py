@@ -30,11 +30,6 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.episode import Agent
 
-__all__ = [
-    "KEPT", "AgentExperiment", "Environments", "check_environment", "compile_kernels", "compile_kernels_of",
-    "environment_of_training", "resolved_arguments", "trained_arguments", "training_arguments",
-]  # fmt: skip
-
 _COMPARED = {"relative_reward": False, "starts": None}
 """The baseline runs in the same wind and is compared afterwards; starts of a training are none of an evaluation."""
 
@@ -202,19 +197,14 @@ class Environments:
         as_given : bool
             A trained model runs on the controller that is there, and its actions mean what they mean there.
         """
-        own = None if as_given else controller_of_training(record, self.plain)
+        choice = None if as_given else controller_of_training(record, self.plain)
         chosen = env_choices_of(given) if isinstance(given, str) else {}
-        choice = own
         if layout_of(self.plain).action.mode == "residual" and isinstance(given, str) and is_base_controller(given):
-            choice = None if given in ALIASES else self._other(given)
+            here = registered_arguments(self._id, self._kwargs).get("controller", BASELINE)
+            same = given in ALIASES or (isinstance(here, str) and read_name(here) == read_name(given))
+            choice = None if same else given
             chosen = chosen if choice is None else self._without_supervisor(choice) | chosen
         return self._make(choice, interface_of_training(record, self.plain, meaning=not as_given) | chosen)
-
-    def _other(self, choice: str) -> str | None:
-        """Controller as a name, None where it is the one that the environment has anyway."""
-        here = registered_arguments(self._id, self._kwargs).get("controller", BASELINE)
-        same = isinstance(here, str) and read_name(here) == read_name(choice)
-        return None if same else choice
 
     def _without_supervisor(self, choice: str) -> dict[str, Any]:
         """Actions and observation without what a supervisor has, for a controller without one: its actions are zero."""
@@ -231,9 +221,7 @@ class Environments:
     def _make(self, choice: str | None, seen: Mapping[str, Any]) -> gym.Env:
         key = choice, json.dumps(seen, sort_keys=True)
         if key not in self._made:
-            more = dict(seen)
-            if choice is not None:
-                more["controller"] = choice.removeprefix(PREFIX)
+            more = dict(seen) | ({} if choice is None else {"controller": choice.removeprefix(PREFIX)})
             self._made[key] = gym.make(
                 self._id, **self._kwargs | more | _COMPARED, episode_length=self._length, max_episode_steps=ENDLESS
             )
@@ -276,13 +264,9 @@ class AgentExperiment(Experiment):
     """
 
     def __init__(
-        self,
-        agents: Mapping[str, str | Agent],
-        env_id: str,
-        env_kwargs: Mapping[str, Any],
-        episode_length: float | None = None,
-        as_given: bool = False,
-    ):
+        self, agents: Mapping[str, str | Agent], env_id: str, env_kwargs: Mapping[str, Any],
+        episode_length: float | None = None, as_given: bool = False,
+    ):  # fmt: skip
         self._given, self._where = dict(agents), (env_id, dict(env_kwargs), episode_length)
         self._as_given, self._identity = as_given, None
         self.prepare()
@@ -333,13 +317,7 @@ class AgentExperiment(Experiment):
     """Fingerprints of the models and of the package in the process that gives the work."""
 
     def warm(self) -> None:
-        """Have the kernels in the cache of a machine.
-
-        Raises
-        ------
-        ValueError
-            If behavior or models are not those of the process that gives the work.
-        """
+        """Have the kernels in the cache of a machine whose behavior and models are those of the process that asks."""
         models, behavior = ({}, None) if self._identity is None else self._identity
         if other := [name for name, model in models.items() if fingerprint(model["choice"]) != model]:
             raise ValueError(f"the files of {', '.join(other)} differ on {platform.node()}")

@@ -16,9 +16,8 @@ import numpy as np
 import wt_gym
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evaluation, Run, Wind, run_file
-from wt_gym.analysis.statistics import WindClimate
 from wt_gym.base.canary import differing
-from wt_gym.base.files import json_values, write_text_whole
+from wt_gym.base.files import json_values, read_json, write_text_whole
 from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options import wind_files_of, with_whole_paths
@@ -27,10 +26,10 @@ from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, LARGEST_WIND_SEED
 from wt_gym.experiment.environments import AgentExperiment
 from wt_gym.experiment.names import fingerprint
+from wt_gym.experiment.options import ClimateOptions
 from wt_gym.experiment.run import LEAST_MEASURED, EpisodePlayer, benchmark_fingerprint
-from wt_gym.experiment.store import SWEEP_FILE, RunDefinition, RunStore, described, run_digest
+from wt_gym.experiment.store import SWEEP_FILE, RunStore, described, run_definition, run_digest
 from wt_gym.tasks import DEFAULT_ENV
-from wt_gym.wind.iec import REFERENCE_SPEED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -42,12 +41,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.envs.wind_sampler import WindSampler
     from wt_gym.experiment.execute import Executor
-    from wt_gym.turbines import Turbine
-
-__all__ = [
-    "CONFIGURATION_FILE", "DEFAULT_WIND_SEEDS", "FIRST_SEED", "REPORT_FILE", "EvaluationConfig", "EvaluationFolder",
-    "climate_of", "evaluate", "oscillation_notes", "swings", "winds_for", "winds_of",
-]  # fmt: skip
 
 _log = logging.getLogger(__name__)
 
@@ -87,8 +80,6 @@ def winds_of(
 
     Parameters
     ----------
-    wind : WindSampler
-        Of the environment.
     speeds : sequence of float, optional
         Mean speeds [m/s]; by default `USUAL_SPEED`, or the middle of the environment's range if that lies outside.
     seeds : sequence of int, optional
@@ -122,9 +113,10 @@ def winds_of(
                 f"got {draws}: make runs shorter"
             )
         draws = min(draws or _DRAWS, len(pieces))
+    low, high = wind.asked_speeds
     return tuple(
         Wind(speed, seed, draw)
-        for speed in (speeds or (_usual_speed(*wind.asked_speeds),))
+        for speed in (speeds or (USUAL_SPEED if low <= USUAL_SPEED <= high else 0.5 * (low + high),))
         for seed in ((seeds or DEFAULT_WIND_SEEDS) if turbulent else (None,))
         for draw in (range(1, (draws or _DRAWS) + 1) if drawn else (None,))
     )
@@ -149,10 +141,6 @@ def actual_wind(env: WindTurbineEnv, asked: Wind, winds: Sequence[Wind]) -> Wind
     return Wind(float(own.wind_speed), seed, draw, description if seed is None else "")
 
 
-def _usual_speed(low: float, high: float) -> float:
-    return USUAL_SPEED if low <= USUAL_SPEED <= high else 0.5 * (low + high)
-
-
 # ---- configuration ----
 
 FIRST_SEED = 2**40
@@ -168,12 +156,6 @@ class EvaluationConfig(Options):
     ``env_kwargs`` are arguments of the environment besides the length of episodes; files of wind get whole paths.
     ``winds``, a tuple of `wt_gym.analysis.results.Wind`, are those that are asked for, by default six held-out
     turbulence seeds at 15 m/s; `winds_for` gives those of an environment. Runs are labeled by the winds that they had.
-
-    Raises
-    ------
-    ValueError
-        If nothing is left to evaluate, a value is out of range, winds are missing or stand twice, or the arguments of
-        the environment hold a length of the episodes.
     """
 
     title = "evaluation"
@@ -191,14 +173,7 @@ class EvaluationConfig(Options):
         "length of the end of the runs in the first wind whose shapes are stored for a replay; 0: none", default=20.0,
         unit="s", low=0.0, high=LONGEST,
     )  # fmt: skip
-    iec_class: str | None = option(
-        "wind climate for loads over a life", default=None, choices=tuple(REFERENCE_SPEED), otherwise="the turbine's",
-    )  # fmt: skip
-    mean_wind_speed: float | None = option(
-        "annual mean wind speed at hub height in place of that of the class", default=None, unit="m/s", low=0.0,
-        above=True,
-    )  # fmt: skip
-    weibull_shape: float = option("Weibull exponent of the climate", default=2.0, low=0.0, above=True)
+    climate: ClimateOptions = field(default_factory=ClimateOptions)
 
     def check(self) -> None:
         """Refuse runs without measurement, winds that are missing or stand twice, and a length in the arguments."""
@@ -232,37 +207,15 @@ class EvaluationConfig(Options):
         return self.replay if wind == self.winds[0] else 0.0
 
 
-def climate_of(config: Any, turbine: Turbine) -> WindClimate | None:
-    """Wind climate of a configuration; None where the turbine's class has none.
-
-    Parameters
-    ----------
-    config : object
-        With ``iec_class``, ``mean_wind_speed`` and ``weibull_shape``.
-    """
-    limits = {"shape": config.weibull_shape, "cut_in": turbine.cut_in, "cut_out": turbine.cut_out}
-    if config.mean_wind_speed is not None:
-        return WindClimate(config.mean_wind_speed, **limits)
-    name = config.iec_class or turbine.iec_class
-    return WindClimate.of_class(name, **limits) if name in REFERENCE_SPEED else None
-
-
 # ---- the folder ----
 
 CONFIGURATION_FILE, REPORT_FILE = "configuration.json", "report.html"
-# These weigh what the runs gave, and change no run.
-_ONLY_WEIGH = ("iec_class", "mean_wind_speed", "weibull_shape")
 
 
 class EvaluationFolder(RunStore):
     """Runs of one evaluation on disk, with its configuration; a context that holds the folder for this process.
 
-    Raises
-    ------
-    ValueError
-        If an agent is an object, which a file cannot identify; on entering, if another process evaluates there.
-    FileNotFoundError
-        If an agent's model does not exist.
+    Raises a `ValueError` if an agent is an object, which a file cannot identify.
     """
 
     def __init__(self, path: str | Path, agents: Mapping[str, str | Agent], config: EvaluationConfig):
@@ -276,7 +229,7 @@ class EvaluationFolder(RunStore):
         self._config = config
         configuration = {
             "agents": {name: fingerprint(cast(str, choice)) for name, choice in agents.items()},
-            **{name: value for name, value in asdict(config).items() if name not in _ONLY_WEIGH},
+            **{name: value for name, value in asdict(config).items() if name != "climate"},
             "env_kwargs": described(config.env_kwargs, "env_kwargs"),
             "wind_files": wind_files_of(config.env_kwargs),
         }
@@ -287,18 +240,14 @@ class EvaluationFolder(RunStore):
         """Make the folder ready: empty for a new evaluation or with ``overwrite``, as it is for one to resume.
 
         A folder stores the fingerprint with which it was begun, so that small changes do not add up. Other files stay.
-
-        Raises
-        ------
-        ValueError
-            If it holds another evaluation that is not to be overwritten.
-        OSError
-            If it cannot be written.
+        Raises a `ValueError` if it holds another evaluation that is not to be overwritten.
         """
         self._configuration["fingerprint"] = fingerprint
         if overwrite:
             self._clear()
-        elif self._used and (others := self._differences()):
+        elif any((self.path / name).exists() for name in (CONFIGURATION_FILE, TABLE_FILE)) and (
+            others := self._differences()
+        ):
             raise ValueError(
                 f"{self.path} holds another evaluation, with other {', '.join(others)}: take another folder, or "
                 "overwrite it"
@@ -310,18 +259,13 @@ class EvaluationFolder(RunStore):
     def definition(self, job: tuple[str, Wind]) -> dict[str, Any]:
         """JSON values that decide on the numbers of an agent in a requested wind."""
         (agent, wind), known = job, self._configuration
-        return RunDefinition(
+        return run_definition(
             agent={"name": agent, **known["agents"][agent]},
-            env_id=known["env_id"],
-            env_kwargs=known["env_kwargs"],
             wind=asdict(wind),
-            duration=known["duration"],
-            skip=known["skip"],
             seed=self._config.seed_in(wind),
             replay=self._config.replay_in(wind),
-            wind_files=known["wind_files"],
-            fingerprint=known["fingerprint"],
-        ).to_json()
+            **{name: known[name] for name in ("env_id", "env_kwargs", "duration", "skip", "wind_files", "fingerprint")},
+        )
 
     def name(self, definition: dict[str, Any]) -> str:
         """Name of the file of a run."""
@@ -339,20 +283,10 @@ class EvaluationFolder(RunStore):
         """Write the tables beside the runs, whose agents and asked winds are given in their order."""
         evaluation.save_tables(self.path, [self.name(self.definition(job)) for job in jobs])
 
-    @property
-    def _used(self) -> bool:
-        """Whether an evaluation has been here."""
-        return any((self.path / name).exists() for name in (CONFIGURATION_FILE, TABLE_FILE))
-
     def _differences(self) -> list[str]:
         """Parts of the configuration that are not those of the evaluation that is there."""
         file = self.path / CONFIGURATION_FILE
-        found: dict[str, Any] = {}
-        if file.exists():
-            try:
-                found = json.loads(file.read_text(encoding="utf-8"))
-            except ValueError as error:
-                raise ValueError(f"{file} is damaged: {error}") from error
+        found: dict[str, Any] = read_json(file) if file.exists() else {}
         names = [name for name, value in self._configuration.items()
                  if name != "fingerprint" and (name not in found or found[name] != value)]  # fmt: skip
         fingerprint = found.get("fingerprint", {})
@@ -393,14 +327,18 @@ class _EvaluationRuns(AgentExperiment):
 
     def __call__(self, row: tuple[str, Wind]) -> Run:
         (name, request), (env, agent), config = row, self[row[0]], self._config
-        turbine_env = turbine_env_of(env)
-        player = EpisodePlayer(
-            env, agent, seed=config.seed_in(request), options=_reset_options(turbine_env, request, config),
-            replay=config.replay_in(request),
-        )  # fmt: skip
+        turbine_env, options = turbine_env_of(env), dict[str, Any](azimuth=0.0)
+        asked = {"wind_speed": request.speed, "wind_seed": request.seed}
+        options |= {key: asked[key] for key in turbine_env.wind.options if asked.get(key) is not None}
+        if request.draw is not None and (pieces := turbine_env.wind.windows(config.duration)):
+            file, start = pieces[(request.draw - 1) % len(pieces)]  # drawn ones would overlap, or be the same
+            options["inflow"] = file.inflow(start)
+        replay = config.replay_in(request)
+        player = EpisodePlayer(env, agent, seed=config.seed_in(request), options=options, replay=replay)
         self.progress.follow(self.label(row), config.duration, player)
         result, wind = player.episode, actual_wind(turbine_env, request, config.winds)
-        metrics = _metrics(result.after_start, turbine_env.turbine, config.skip, result.time)
+        measured = result.time >= config.skip + LEAST_MEASURED
+        metrics = run_metrics(result.after_start, turbine_env.turbine, config.skip) if measured else {}
         if metrics and turbine_env.options.limits.costs is not None:
             violations = violated({name: cost / result.steps for name, cost in result.costs.items()})
             metrics["limits_violated"] = float(bool(violations))
@@ -411,25 +349,6 @@ class _EvaluationRuns(AgentExperiment):
             planned_duration=config.duration, duration=result.time, ending=result.ending, failure=result.failure,
             replay=result.replay,
         )  # fmt: skip
-
-
-def _reset_options(env: WindTurbineEnv, request: Wind, config: EvaluationConfig) -> dict[str, Any]:
-    """Reset options for a requested wind, as far as the environment has them."""
-    allowed = env.wind.options
-    options: dict[str, Any] = {"azimuth": 0.0}
-    if "wind_speed" in allowed:
-        options["wind_speed"] = request.speed
-    if request.seed is not None and "wind_seed" in allowed:
-        options["wind_seed"] = request.seed
-    if request.draw is not None and (pieces := env.wind.windows(config.duration)):
-        file, start = pieces[(request.draw - 1) % len(pieces)]  # drawn ones would overlap, or be the same
-        options["inflow"] = file.inflow(start)
-    return options
-
-
-def _metrics(data: xr.Dataset, turbine: Turbine, skip: float, duration: float) -> dict[str, float]:
-    """Metrics of a run, none if it ended before there was something to measure."""
-    return run_metrics(data, turbine, skip) if duration >= skip + LEAST_MEASURED else {}
 
 
 def evaluate(
@@ -484,7 +403,7 @@ def evaluate(
         turbine, notes = layout.turbine, training_notes(experiment.agents, config.winds)
         for note in notes.values():
             _log.warning(note)
-        climate = climate_of(config, turbine)
+        climate = config.climate.of(turbine)
         if store:  # nothing else can be refused any more
             store.begin(benchmark_fingerprint(turbine, turbine_env.fidelity), overwrite)
         rows = [(name, wind) for wind in config.winds for name in agents]
@@ -495,7 +414,7 @@ def evaluate(
             notes[name] = f"{notes[name]} {note}" if name in notes else note
         operates = all(turbine.cut_in <= run.wind.speed <= turbine.cut_out for run in runs)
         evaluation = Evaluation(
-            turbine=turbine.title,
+            turbine=turbine.heading,
             settings=_settings(config, layout, experiment.env),
             runs=runs,
             baseline=next(iter(agents)),
@@ -559,29 +478,18 @@ def training_notes(agents: Mapping[str, Agent], winds: Iterable[Wind]) -> dict[s
     for name, agent in agents.items():
         if not isinstance(record := getattr(agent, "record", False), Mapping | None):
             continue  # not a trained model
-        if note := _met(name, record, seeds) if record else _unknown(name):
-            notes[name] = note
+        if not record:
+            notes[name] = (
+                f"Nothing is known of the training of {name}: there is no training.json beside its model. It runs on "
+                "the environment's own controller and observation, and may have met these winds."
+            )
+        elif met := [str(seed) for seed in seeds if seed in (record.get("wind_seeds") or ())]:
+            more = f" and {len(met) - _MOST_NAMED} more" if len(met) > _MOST_NAMED else ""
+            notes[name] = (
+                f"{name} was trained on wind seed{'s' if len(met) > 1 else ''} {', '.join(met[:_MOST_NAMED])}{more} of "
+                "this evaluation: its figures there do not test unseen winds."
+            )
     return notes
-
-
-def _unknown(name: str) -> str:
-    return (
-        f"Nothing is known of the training of {name}: there is no training.json beside its model. It runs on the "
-        "environment's own controller and observation, and may have met these winds."
-    )
-
-
-def _met(name: str, record: Mapping[str, Any], seeds: Iterable[int]) -> str:
-    """Which seeds a training had; empty for none."""
-    of_training = set(record.get("wind_seeds") or ())
-    met = [str(seed) for seed in seeds if seed in of_training]
-    if not met:
-        return ""
-    more = f" and {len(met) - _MOST_NAMED} more" if len(met) > _MOST_NAMED else ""
-    return (
-        f"{name} was trained on wind seed{'s' if len(met) > 1 else ''} {', '.join(met[:_MOST_NAMED])}{more} of this "
-        "evaluation: its figures there do not test unseen winds."
-    )
 
 
 SWING = 0.1
@@ -621,13 +529,13 @@ def oscillation_notes(runs: Iterable[Run], rated_speed: float, skip: float) -> d
             continue
         speed = run.data["rotor_speed"].values[run.data["time"].values >= skip] / rated_speed
         found.setdefault(run.agent, []).append((run.wind.name, float(speed.min()), float(speed.max())))
-    return {agent: _note(agent, list(cases)) for agent, cases in found.items()}
-
-
-def _note(agent: str, cases: list[tuple[str, float, float]]) -> str:
-    low, high = min(case[1] for case in cases), max(case[2] for case in cases)
-    named = ", ".join(case[0] for case in cases[:4]) + (f" and {len(cases) - 4} more" if len(cases) > 4 else "")
-    return (
-        f"The rotor speed oscillates under {agent} in {named}: it swings between {low:.2f} and {high:.2f} times rated "
-        "speed. Its controller does not hold this turbine, and figures of these runs compare nothing."
-    )
+    notes = {}
+    for agent, cases in found.items():
+        low, high = min(case[1] for case in cases), max(case[2] for case in cases)
+        more = f" and {len(cases) - 4} more" if len(cases) > 4 else ""
+        notes[agent] = (
+            f"The rotor speed oscillates under {agent} in {', '.join(case[0] for case in cases[:4])}{more}: it swings "
+            f"between {low:.2f} and {high:.2f} times rated speed. Its controller does not hold this turbine, and "
+            "figures of these runs compare nothing."
+        )
+    return notes

@@ -22,17 +22,12 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessP
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from multiprocessing.process import BaseProcess
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Self, cast
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from wt_gym.experiment.store import RunStore
-
-__all__ = [
-    "ATTEMPTS", "ENGINES", "Executor", "Experiment", "ProcessExecutor", "Progress", "ProgressLine", "RayExecutor",
-    "SerialExecutor", "Tally", "clock", "connected", "executor_for", "played", "processors", "warm_nodes",
-]  # fmt: skip
 
 ENGINES = ("local", "ray")
 """Places where rows are played."""
@@ -95,15 +90,7 @@ class Progress:
             self._line.show(f"{stored}/{total} runs are stored already", final=True)
 
     def follow(self, label: str, duration: float, steps: Iterable[Any]) -> None:
-        """Play a run of this process, step by step.
-
-        Parameters
-        ----------
-        label : str
-            Name of the row.
-        duration : float
-            Planned [s].
-        """
+        """Play a run of this process step by step, under the label of its row; its planned duration is in s."""
         start = time.monotonic()
         for step in steps:
             elapsed, simulated = time.monotonic() - start, step.info["time"]
@@ -162,17 +149,13 @@ class Experiment:
         return ""
 
     def table(
-        self,
-        rows: Sequence[Any],
-        executor: Executor | None = None,
-        store: RunStore | None = None,
+        self, rows: Sequence[Any], executor: Executor | None = None, store: RunStore | None = None,
         progress: bool = True,
-    ) -> list[Any]:
+    ) -> list[Any]:  # fmt: skip
         """Results of rows, in their order; each is stored as soon as it is there.
 
         Parameters
         ----------
-        rows : sequence
         executor : Executor, optional
             Entered; by default the rows are played one after another in this process.
         store : RunStore, optional
@@ -198,26 +181,23 @@ class Experiment:
 
         executor = SerialExecutor() if executor is None else executor
         definitions = [self.definition(row) for row in rows]
-        keys = [run_digest(definition) for definition in definitions]
         numbers: dict[str, list[int]] = {}
-        for number, key in enumerate(keys):
-            numbers.setdefault(key, []).append(number)
-        missing: list[Any] = []
-        key_of_row: dict[int, str] = {}
-        stored: list[tuple[str, Any]] = []
-        for key, (first, *_) in numbers.items():
-            if store is not None and (result := store.find(definitions[first])) is not None:
-                stored.append((key, result))
+        for number, definition in enumerate(definitions):
+            numbers.setdefault(run_digest(definition), []).append(number)
+        missing, stored = list[list[int]](), list[tuple[list[int], Any]]()
+        for same in numbers.values():
+            if store is not None and (result := store.find(definitions[same[0]])) is not None:
+                stored.append((same, result))
             else:
-                missing.append(rows[first])
-                key_of_row[id(rows[first])] = key
+                missing.append(same)
         self.progress = Progress(progress)
         self.progress.begin(len(numbers), len(stored))
-        for key, result in stored:
-            yield from ((number, result) for number in numbers[key])
+        for same, result in stored:
+            yield from ((number, result) for number in same)
+        same_of_row = {id(rows[same[0]]): same for same in missing}
         with store.session(executor.tally, len(stored), self.label) if store is not None else nullcontext():
-            for row, made in executor.results(self, missing):
-                same = numbers[key_of_row[id(row)]]
+            for row, made in executor.results(self, [rows[same[0]] for same in missing]):
+                same = same_of_row[id(row)]
                 result = made if store is None else store.keep(definitions[same[0]], made)
                 self.progress.row(self.label(row), self.outcome(row, result))
                 yield from ((number, result) for number in same)
@@ -254,7 +234,7 @@ class Tally:
             )
 
 
-class Executor(Protocol):
+class Executor:
     """Plays rows; a context that holds what that needs.
 
     Attributes
@@ -263,8 +243,16 @@ class Executor(Protocol):
         Whether rows are played in other processes.
     """
 
-    beside: bool
-    tally: Tally
+    beside = True
+
+    def __init__(self) -> None:
+        self.tally = Tally()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        pass
 
     def results(self, work: Callable[[Any], Any], rows: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
         """Play rows; give each with its result as soon as it is there.
@@ -284,31 +272,13 @@ class Executor(Protocol):
         ChildProcessError
             In the end, if rows were lost.
         """
-
-    def __enter__(self) -> Executor:
-        """Make ready."""
-
-    def __exit__(self, *exception: object) -> None:
-        """Leave what was begun."""
+        raise NotImplementedError
 
 
-class _Local:
-    """Context of an executor of this machine."""
-
-    def __enter__(self) -> Any:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        pass
-
-
-class SerialExecutor(_Local):
+class SerialExecutor(Executor):
     """Rows one after another, in this process."""
 
     beside = False
-
-    def __init__(self) -> None:
-        self.tally = Tally()
 
     def results(self, work: Callable[[Any], Any], rows: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
         """As `Executor.results`."""
@@ -318,22 +288,16 @@ class SerialExecutor(_Local):
             yield row, result
 
 
-class ProcessExecutor(_Local):
-    """Rows beside each other, in processes of this machine.
+class ProcessExecutor(Executor):
+    """Rows beside each other, in processes of this machine; a `ValueError` if there is no worker.
 
     Where a row raises an error, or the caller goes no further, rows under way are ended and no other begins.
-
-    Raises
-    ------
-    ValueError
-        If there is no worker.
     """
 
-    beside = True
-
     def __init__(self, workers: int):
+        super().__init__()
         _check_workers(workers)
-        self.workers, self.tally = workers, Tally()
+        self.workers = workers
 
     def results(self, work: Callable[[Any], Any], rows: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
         """As `Executor.results`."""
@@ -425,11 +389,7 @@ _prepared: tuple[str, Any] | None = None
 def played(work: Callable[[Any], Any], row: Any, mark: str = "") -> Any:
     """Play a row in a worker process, which prepares an experiment once.
 
-    Parameters
-    ----------
-    row : object
-    mark : str
-        Of the experiment, where a process plays rows of several.
+    The mark tells experiments apart where a process plays rows of several.
     """
     global _prepared
     if not isinstance(work, Experiment):
@@ -441,15 +401,14 @@ def played(work: Callable[[Any], Any], row: Any, mark: str = "") -> Any:
 
 
 def _begin(messages: multiprocessing.connection.Connection) -> None:
-    """Begin as a worker process."""
+    """Begin as a worker process, which ends when it is asked to, or the one that gives it work has gone."""
+
+    def end() -> None:
+        multiprocessing.connection.wait([messages, cast(BaseProcess, multiprocessing.parent_process()).sentinel])
+        os._exit(1)
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the one that gives work decides
-    threading.Thread(target=_end_when, args=(messages,), daemon=True).start()
-
-
-def _end_when(messages: multiprocessing.connection.Connection) -> None:
-    """End this process when it is asked to, or the one that gives it work has gone, however that went."""
-    multiprocessing.connection.wait([messages, cast(BaseProcess, multiprocessing.parent_process()).sentinel])
-    os._exit(1)
+    threading.Thread(target=end, daemon=True).start()
 
 
 @contextmanager
@@ -469,7 +428,7 @@ def _one_thread() -> Iterator[None]:
 _OBJECT_STORE = 300 * 2**20  # bytes: a result is some MB, and is fetched as soon as it is there
 
 
-class RayExecutor:
+class RayExecutor(Executor):
     """Rows as tasks of a Ray cluster, a processor each.
 
     Ray's own retries are off: what is begun again is counted here. Results come back to this process, which alone
@@ -483,13 +442,11 @@ class RayExecutor:
         Rows at a time; default: as many as the cluster has processors, also while machines come and go.
     """
 
-    beside = True
-
     def __init__(self, address: str | None = None, workers: int | None = None):
-        self._address, self._workers, self.tally = address, workers, Tally()
-        self._stack = ExitStack()
+        super().__init__()
+        self._address, self._workers, self._stack = address, workers, ExitStack()
 
-    def __enter__(self) -> RayExecutor:
+    def __enter__(self) -> Self:
         self._stack.enter_context(connected(self._address, self._workers))
         return self
 
@@ -551,7 +508,9 @@ def connected(address: str | None = None, num_cpus: int | None = None) -> Iterat
     if ray.is_initialized():
         yield
         return
-    address, handlers = address or os.environ.get("RAY_ADDRESS"), _signal_handlers()
+    address, handlers = address or os.environ.get("RAY_ADDRESS"), dict[int, Any]()
+    if threading.current_thread() is threading.main_thread():  # which alone can set them
+        handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     own = {"num_cpus": num_cpus, "object_store_memory": _OBJECT_STORE, "include_dashboard": False}
     ray.init(
         address=address or "local",
@@ -567,13 +526,6 @@ def connected(address: str | None = None, num_cpus: int | None = None) -> Iterat
         yield
     finally:
         ray.shutdown()
-
-
-def _signal_handlers() -> dict[int, Any]:
-    """Handlers of this process by signal; only the main thread can set them."""
-    if threading.current_thread() is not threading.main_thread():
-        return {}
-    return {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
 
 def processors() -> int:

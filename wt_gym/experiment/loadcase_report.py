@@ -42,9 +42,6 @@ from wt_gym.experiment.loadcases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION,
 if TYPE_CHECKING:
     from wt_gym.experiment.loadcase_runs import CaseRun, LoadCaseResults, Value
 
-__all__ = ["load_case_tables", "write_load_case_report"]
-
-
 _EXTREMES = {
     "blade_flap_max": Metric("Blade root flapwise moment", "MN m", 1e-6, -1, 1),
     "blade_edge_max": Metric("Blade root edgewise moment", "MN m", 1e-6, -1, 1),
@@ -69,16 +66,19 @@ _HEADS = [metric_label(shown) for shown in _EXTREMES.values()]
 
 
 def load_case_tables(results: LoadCaseResults) -> list[str]:
-    """Markdown: design loads by case and agent, and loads over a life.
-
-    Returns
-    -------
-    list of str
-        Lines.
-    """
+    """Lines of Markdown: design loads by case and agent, and loads over a life."""
     heads = [f"{name} [{shown.unit}]" for name, shown in zip(_SHORT, _EXTREMES.values(), strict=True)]
     lines = markdown(["case", "agent", "came through", *heads], _case_rows(results, html=False))
-    return lines + _lifetime_lines(results) + _idle_lines(results)
+    if lifetimes := _lifetime_rows(results):
+        head = [f"{METRICS[key].label} [{METRICS[key].unit}]" for key in LIFETIME_EXPONENTS]
+        rows = [Row(agent, [_survival(results, "1.2", agent), *cells]) for agent, cells in lifetimes.items()]
+        lines += ["", *markdown(["lifetime (DLC 1.2)", "came through", *head], rows)]
+    sentences = []
+    for agent in results.agents:
+        runs = [run for case in results.cases for run in results.runs.get((case, agent), [])]
+        times = ((run.situation.name, run.result.get("idle_time", 0.0)) for run in runs)
+        sentences += [line for line in [idle_sentence(agent, times)] if line is not None]
+    return lines + (["", *sentences] if sentences else [])
 
 
 def _case_rows(results: LoadCaseResults, html: bool) -> list[Row]:
@@ -96,26 +96,19 @@ def _case_rows(results: LoadCaseResults, html: bool) -> list[Row]:
     return rows
 
 
-def _idle_lines(results: LoadCaseResults) -> list[str]:
-    """Sentences on agents under which the turbine made no power without a reason."""
-    lines = []
-    for agent in results.agents:
-        runs = [run for case in results.cases for run in results.runs.get((case, agent), [])]
-        lines.append(idle_sentence(agent, ((run.situation.name, run.result.get("idle_time", 0.0)) for run in runs)))
-    sentences = [line for line in lines if line is not None]
-    return ["", *sentences] if sentences else []
-
-
-def _lifetime_lines(results: LoadCaseResults) -> list[str]:
-    """Loads over a life in Markdown, where there are any."""
+def _lifetime_rows(results: LoadCaseResults) -> dict[str, list[str]]:
+    """Loads over a life by agent, where there are any, with their changes against the first agent."""
     if "1.2" not in results.cases or results.climate is None:
-        return []
-    head = [f"{METRICS[key].label} [{METRICS[key].unit}]" for key in LIFETIME_EXPONENTS]
-    rows = [
-        Row(a, [_survival(results, "1.2", a), *(_lifetime(results, a, key) for key in LIFETIME_EXPONENTS)])
-        for a in results.agents
-    ]
-    return ["", *markdown(["lifetime (DLC 1.2)", "came through", *head], rows)]
+        return {}
+    rows: dict[str, list[str]] = {}
+    for agent in results.agents:
+        rows[agent] = []
+        for key in LIFETIME_EXPONENTS:
+            value, base = results.lifetime(agent, key), results.lifetime(results.agents[0], key)
+            known = value is not None and base is not None and agent != results.agents[0]
+            change = f" ({format_difference(key, value, base)})" if known else ""
+            rows[agent].append(NONE if value is None else format_value(key, value) + change)
+    return rows
 
 
 def _cell(results: LoadCaseResults, case: str, agent: str, key: str) -> str:
@@ -134,23 +127,8 @@ def _survival(results: LoadCaseResults, case: str, agent: str) -> str:
     return f"{passed} of {planned}" + (f" ({', '.join(failures)})" if failures else "")
 
 
-def _lifetime(results: LoadCaseResults, agent: str, key: str) -> str:
-    """Load over a life with its change against the first agent."""
-    value, base = results.lifetime(agent, key), results.lifetime(results.agents[0], key)
-    if value is None:
-        return NONE
-    change = "" if agent == results.agents[0] or base is None else f" ({format_difference(key, value, base)})"
-    return format_value(key, value) + change
-
-
 def write_load_case_report(results: LoadCaseResults, path: str | Path, title: str | None = None) -> Path:
-    """Write the page.
-
-    Parameters
-    ----------
-    path : str or path
-        HTML file; its folder is created if missing.
-    """
+    """Write the page, an HTML file; its folder is created if missing."""
     path = Path(path)
     return write_page(
         path,
@@ -302,13 +280,10 @@ def _loads(results: LoadCaseResults) -> go.Figure:
 
 def _lifetime_section(results: LoadCaseResults) -> Section:
     """Loads over a life."""
-    if "1.2" not in results.cases or results.climate is None:
+    lifetimes, climate, labels = _lifetime_rows(results), results.climate, agent_labels(results.agents)
+    if climate is None or not lifetimes:
         return Section("lifetime", "", "")
-    climate, labels = results.climate, agent_labels(results.agents)
-    rows = [
-        Row(labels[agent], [escape(_lifetime(results, agent, key)) for key in LIFETIME_EXPONENTS])
-        for agent in results.agents
-    ]
+    rows = [Row(labels[agent], [escape(cell) for cell in cells]) for agent, cells in lifetimes.items()]
     head = ["Agent", *(metric_label(key) for key in LIFETIME_EXPONENTS)]
     caption = (
         "DLC 1.2: the load at 1 Hz throughout that does the damage of production in normal turbulence, \u03b3 1."
@@ -324,15 +299,12 @@ def _failed(results: LoadCaseResults) -> str:
     items = []
     for case, agent in results.rows():
         for end, runs in results.failures(case, agent).items():
-            items += [_failed_run(case, agent, end, run) for run in runs]
+            for run in runs:
+                seed = "" if run.situation.seed is None else f", seed {run.situation.seed}"
+                why = "" if run.result["failure"] is None else f": {run.result['failure']}"
+                ended = f"{_ENDINGS[end]} after {run.result['time']:.1f} s{why}"
+                items.append(f"DLC {case}, {agent}, {run.situation.name}{seed}: {ended}")
     return html_list(items)
-
-
-def _failed_run(case: str, agent: str, end: str, run: CaseRun) -> str:
-    """One run that ended early, in words."""
-    seed = "" if run.situation.seed is None else f", seed {run.situation.seed}"
-    why = "" if run.result["failure"] is None else f": {run.result['failure']}"
-    return f"DLC {case}, {agent}, {run.situation.name}{seed}: {_ENDINGS[end]} after {run.result['time']:.1f} s{why}"
 
 
 def _transients(results: LoadCaseResults) -> str:

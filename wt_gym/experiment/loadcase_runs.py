@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -22,7 +23,6 @@ from wt_gym.envs.operation import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.experiment.environments import AgentExperiment
-from wt_gym.experiment.evaluation import climate_of
 from wt_gym.experiment.loadcases import (
     CASES,
     DEFLECTION_FACTOR,
@@ -35,29 +35,23 @@ from wt_gym.experiment.loadcases import (
     plan_of,
 )
 from wt_gym.experiment.names import fingerprint
+from wt_gym.experiment.options import ClimateOptions
 from wt_gym.experiment.run import LEAST_MEASURED, benchmark_fingerprint, play, run_controller
-from wt_gym.experiment.store import RUNS_FOLDER, RunDefinition, RunStore
+from wt_gym.experiment.store import RUNS_FOLDER, RunStore, run_definition
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.drivetrain.faults import FEATHER
 from wt_gym.tasks import DEFAULT_ENV
 from wt_gym.turbines.variants import unloaded_clearance
-from wt_gym.wind.iec import REFERENCE_SPEED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     import xarray as xr
 
-    from wt_gym.control.controllers.controller import Readings
     from wt_gym.envs.episode import Agent
     from wt_gym.experiment.execute import Executor
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "CLEARANCE", "COMPLETE", "EXTREMES", "PARKED", "REPORT_FILE", "RUNS_FOLDER", "SPEED", "TABLE_FILE", "CaseRun",
-    "LoadCaseConfig", "LoadCaseResults", "Value", "run_agent", "run_load_cases", "run_parked",
-]  # fmt: skip
 
 EXTREMES = ("blade_flap_max", "blade_edge_max", "tower_base_max", "rotor_speed_max", "tip_clearance_min")
 """What is kept of a run: largest sizes of moments [N m], largest rotor speed [rad/s], smallest clearance [m]."""
@@ -99,22 +93,6 @@ def run_agent(env: gym.Env, agent: Agent, situation: DesignSituation) -> dict[st
     return _result(found.data, plain.turbine, situation, ending, found.failure)
 
 
-class _Feathered:
-    """Holds the blades at feather and asks for nothing else."""
-
-    channels: tuple[str, ...] = ()
-
-    def __init__(self, pitch: float, n_blades: int):
-        self._demand = Demand(np.full(n_blades, pitch), 0.0, 0.0)
-
-    def start(self, readings: Readings, demand: Demand) -> None:
-        """Need nothing."""
-
-    def step(self, readings: Readings, dt: float) -> Demand:
-        """Give the same demand."""
-        return self._demand
-
-
 def run_parked(turbine: Turbine, fidelity: str | Fidelity, situation: DesignSituation) -> dict[str, Any]:
     """Run a turbine that idles with feathered blades, from rest; as `run_agent`, without an agent."""
     simulator = Simulator(turbine, inflow_of(situation, turbine), fidelity)
@@ -125,7 +103,8 @@ def run_parked(turbine: Turbine, fidelity: str | Fidelity, situation: DesignSitu
     }  # fmt: skip
     ending, failure = "time", None
     try:
-        feathered = _Feathered(pitch, turbine.n_blades)
+        still = Demand(np.full(turbine.n_blades, pitch), 0.0, 0.0)
+        feathered = SimpleNamespace(channels=(), start=lambda *_: None, step=lambda *_: still)
         run_controller(simulator, feathered, situation.duration, step, recorder=recorder, start=rest)
     except SimulationError as error:
         if not len(recorder):
@@ -331,14 +310,7 @@ class LoadCaseConfig(Options):
     quick: bool = option("fewer and shorter runs", default=False)
     plan: Plan | None = None
     turbulence: str = option("spectra of the turbulent winds", default="kaimal", choices=TURBULENCE)
-    iec_class: str | None = option(
-        "wind climate for loads over a life", default=None, choices=tuple(REFERENCE_SPEED), otherwise="the turbine's",
-    )  # fmt: skip
-    mean_wind_speed: float | None = option(
-        "annual mean wind speed at hub height in place of that of the class", default=None, unit="m/s", low=0.0,
-        above=True,
-    )  # fmt: skip
-    weibull_shape: float = option("Weibull exponent of the climate", default=2.0, low=0.0, above=True)
+    climate: ClimateOptions = field(default_factory=ClimateOptions)
 
     def check(self) -> None:
         """Refuse no case, and arguments of the environment that the cases decide on."""
@@ -364,14 +336,13 @@ class _LoadCaseRuns(AgentExperiment):
     def definition(self, row: tuple[str, DesignSituation]) -> dict[str, Any]:
         (name, situation), config = row, self._config
         values = situation.to_json()
-        common = RunDefinition(
-            {key: values[key] for key in ("wind", "speed", "seed", "direction", "turbulence", "label")},
-            situation.duration, SKIP, self._behavior, faults=values["faults"], azimuth=situation.azimuth,
-            more={"format": _FORMAT},
+        controlled = name != PARKED
+        return run_definition(
+            wind={key: values[key] for key in ("wind", "speed", "seed", "direction", "turbulence", "label")},
+            duration=situation.duration, skip=SKIP, fingerprint=self._behavior, faults=values["faults"],
+            azimuth=situation.azimuth, format=_FORMAT, agent=self._prints[name] if controlled else None,
+            env_id=config.env_id if controlled else None, env_kwargs=config.env_kwargs if controlled else None,
         )  # fmt: skip
-        if name == PARKED:
-            return common.to_json()
-        return replace(common, agent=self._prints[name], env_id=config.env_id, env_kwargs=config.env_kwargs).to_json()
 
     def __call__(self, row: tuple[str, DesignSituation]) -> dict[str, Any]:
         name, situation = row
@@ -410,13 +381,8 @@ def run_load_cases(
 
     Raises
     ------
-    ValueError
-        If the folder is in use, a file in it is damaged, a model does not fit the environment, there is no agent, or an
-        agent has the name `PARKED`.
-    OSError
-        If the folder cannot be written.
-    ChildProcessError
-        If runs were lost, because the processes or machines that did them ended again and again.
+    ValueError, OSError, ChildProcessError
+        As of `wt_gym.experiment.evaluation.evaluate`; and if there is no agent, or one has the name `PARKED`.
     wt_gym.base.errors.InflowError
         If the turbine has no class of IEC 61400-1.
     """
@@ -431,7 +397,7 @@ def run_load_cases(
     ):
         plain = turbine_env_of(experiment.env)
         turbine = plain.turbine
-        climate = climate_of(config, turbine)  # which is refused before any run, if at all
+        climate = config.climate.of(turbine)  # which is refused before any run, if at all
         plan = config.plan or plan_of(turbine, config.quick)
         cases = tuple(case for case in CASES if case in config.cases)
         # runs of several cases are the same: they stand once, by their definition
@@ -458,6 +424,6 @@ def run_load_cases(
             "control_dt": plain.control_dt,
             "wt_gym": wt_gym.__version__, "numpy": np.__version__, "gymnasium": gym.__version__,
         })  # fmt: skip
-        table = LoadCaseResults(turbine.title, cases, tuple(agents), runs, climate, settings)
+        table = LoadCaseResults(turbine.heading, cases, tuple(agents), runs, climate, settings)
         write_text_whole(store.path / TABLE_FILE, json.dumps(table.to_json(), indent=1) + "\n")
     return table

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,10 +32,6 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
-
-__all__ = [
-    "CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "DesignCase", "DesignSituation", "Plan", "inflow_of", "plan_of",
-]  # fmt: skip
 
 Fault = DriveFault | SensorBias
 
@@ -127,12 +124,9 @@ class Plan:
 
 
 def plan_of(turbine: Turbine, quick: bool = False) -> Plan:
-    """What is run for a turbine: all of it, or enough to see whether an agent comes through.
+    """Plan for a turbine: all of it, or enough to see whether an agent comes through.
 
-    Parameters
-    ----------
-    quick : bool
-        Three speeds, two seeds of 100 s, one azimuth and two times of a gust.
+    The quick one has three speeds, two seeds of 100 s, one azimuth and two times of a gust.
     """
     rated, out = turbine.rated_wind_speed, turbine.cut_out
     speeds = tuple(float(v) for v in range(2 * math.ceil(0.5 * turbine.cut_in), math.floor(out) + 1, 2))
@@ -141,13 +135,8 @@ def plan_of(turbine: Turbine, quick: bool = False) -> Plan:
         return Plan(speeds, speeds, speeds, gusts, (gusts[0], gusts[2], out), 6, 12, 600.0, (0.0, 30.0, 60.0, 90.0),
                     GUST_TIMES)  # fmt: skip
     targets = (0.75 * rated, rated + 0.6, 0.5 * (rated + out))
-    few = tuple(sorted({_nearest(speeds, speed) for speed in targets}))
+    few = tuple(sorted({min(speeds, key=lambda speed: abs(speed - target)) for target in targets}))
     return Plan(few, few[1:], few[1:], (rated,), (rated + 2.0,), 2, 2, 100.0, (0.0,), GUST_TIMES[1::2])
-
-
-def _nearest(speeds: tuple[float, ...], target: float) -> float:
-    """The first of the nearest speeds."""
-    return min(speeds, key=lambda speed: abs(speed - target))
 
 
 @dataclass(frozen=True)
@@ -170,67 +159,50 @@ class DesignCase:
         return self.factor == EXTRAPOLATED
 
 
-def _turbulent(wind: str, first: int) -> Callable[[Turbine, Plan], list[DesignSituation]]:
+def _turbulent(wind: str, first: int, turbine: Turbine, plan: Plan) -> list[DesignSituation]:
     """Production in turbulence, with the held-out seeds from number ``first`` on."""
-
-    def situations(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
-        seeds = EVALUATION_WIND_SEEDS[first : first + plan.seeds]
-        return [
-            DesignSituation(wind, speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
-            for speed in plan.speeds
-            for k, seed in enumerate(seeds)
-        ]
-
-    return situations
+    return [
+        DesignSituation(wind, speed, SKIP + plan.length, seed, YAW_ERRORS[k % len(YAW_ERRORS)])
+        for speed in plan.speeds
+        for k, seed in enumerate(EVALUATION_WIND_SEEDS[first : first + plan.seeds])
+    ]
 
 
-def _transients(winds: tuple[str, ...], which: str, length: float) -> Callable[[Turbine, Plan], list[DesignSituation]]:
+def _transients(
+    winds: tuple[str, ...], which: str, length: float, turbine: Turbine, plan: Plan
+) -> list[DesignSituation]:
     """Production in a transient, from several azimuths."""
-
-    def situations(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
-        return [
-            DesignSituation(wind, speed, EVENT + length, azimuth=azimuth)
-            for speed in getattr(plan, which)
-            for wind in winds
-            for azimuth in plan.azimuths
-        ]
-
-    return situations
+    return [
+        DesignSituation(wind, speed, EVENT + length, azimuth=azimuth)
+        for speed in getattr(plan, which)
+        for wind in winds
+        for azimuth in plan.azimuths
+    ]
 
 
 def _in_turbulence(
-    faults: Callable[[Turbine], dict[str, tuple[Fault, ...]]],
-) -> Callable[[Turbine, Plan], list[DesignSituation]]:
+    faults: Callable[[Turbine], dict[str, tuple[Fault, ...]]], turbine: Turbine, plan: Plan
+) -> list[DesignSituation]:
     """A fault in normal turbulence."""
-
-    def situations(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
-        seeds = EVALUATION_WIND_SEEDS[12 : 12 + plan.events]
-        return [
-            DesignSituation("NTM", speed, EVENT + _FAULT_LENGTH, seed, faults=what, label=label)
-            for speed in plan.fault_speeds
-            for label, what in faults(turbine).items()
-            for seed in seeds
-        ]
-
-    return situations
+    return [
+        DesignSituation("NTM", speed, EVENT + _FAULT_LENGTH, seed, faults=what, label=label)
+        for speed in plan.fault_speeds
+        for label, what in faults(turbine).items()
+        for seed in EVALUATION_WIND_SEEDS[12 : 12 + plan.events]
+    ]
 
 
 def _in_gust(
-    label: str, faults: Callable[[Turbine, float], tuple[Fault, ...]]
-) -> Callable[[Turbine, Plan], list[DesignSituation]]:
+    label: str, faults: Callable[[Turbine, float], tuple[Fault, ...]], turbine: Turbine, plan: Plan
+) -> list[DesignSituation]:
     """Something that happens at several times of an operating gust."""
-
-    def situations(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
-        times = [EVENT + share * OPERATING_GUST_DURATION for share in plan.gust_times]
-        return [
-            DesignSituation("EOG", speed, EVENT + _GUST_LENGTH, azimuth=azimuth, faults=faults(turbine, time),
-                      label=f"{label} {time - EVENT:.1f} s after its beginning")
-            for speed in plan.stop_speeds
-            for time in times
-            for azimuth in plan.azimuths
-        ]  # fmt: skip
-
-    return situations
+    return [
+        DesignSituation("EOG", speed, EVENT + _GUST_LENGTH, azimuth=azimuth, faults=faults(turbine, EVENT + time),
+                        label=f"{label} {time:.1f} s after its beginning")
+        for speed in plan.stop_speeds
+        for time in (share * OPERATING_GUST_DURATION for share in plan.gust_times)
+        for azimuth in plan.azimuths
+    ]  # fmt: skip
 
 
 def _parked(turbine: Turbine, plan: Plan) -> list[DesignSituation]:
@@ -270,30 +242,24 @@ def _normal_stop(turbine: Turbine, time: float) -> tuple[Fault, ...]:
 
 _SHEARS = ("EWS-vertical+", "EWS-vertical-", "EWS-horizontal+", "EWS-horizontal-")
 CASES = {
-    "1.1": DesignCase("Production, normal turbulence, extrapolated", _turbulent("NTM", 0), EXTRAPOLATED),
-    "1.2": DesignCase("Production, normal turbulence, fatigue", _turbulent("NTM", 0), None),
-    "1.3": DesignCase("Production, extreme turbulence", _turbulent("ETM", 6)),
+    "1.1": DesignCase("Production, normal turbulence, extrapolated", partial(_turbulent, "NTM", 0), EXTRAPOLATED),
+    "1.2": DesignCase("Production, normal turbulence, fatigue", partial(_turbulent, "NTM", 0), None),
+    "1.3": DesignCase("Production, extreme turbulence", partial(_turbulent, "ETM", 6)),
     "1.4": DesignCase(
-        "Coherent gust with change of direction", _transients(("ECD+", "ECD-"), "gust_speeds", _ECD_LENGTH)
+        "Coherent gust with change of direction", partial(_transients, ("ECD+", "ECD-"), "gust_speeds", _ECD_LENGTH)
     ),
-    "1.5": DesignCase("Extreme shear", _transients(_SHEARS, "shear_speeds", _GUST_LENGTH)),
-    "2.1": DesignCase("Grid loss or a wrong sensor", _in_turbulence(_control_faults), larger_half=True),
-    "2.2": DesignCase("A blade stuck", _in_turbulence(_stuck), ABNORMAL, larger_half=True),
-    "2.3": DesignCase("Grid loss in an operating gust", _in_gust("grid loss", _grid_loss), ABNORMAL),
-    "4.2": DesignCase("Shut-down in an operating gust", _in_gust("stop", _normal_stop)),
+    "1.5": DesignCase("Extreme shear", partial(_transients, _SHEARS, "shear_speeds", _GUST_LENGTH)),
+    "2.1": DesignCase("Grid loss or a wrong sensor", partial(_in_turbulence, _control_faults), larger_half=True),
+    "2.2": DesignCase("A blade stuck", partial(_in_turbulence, _stuck), ABNORMAL, larger_half=True),
+    "2.3": DesignCase("Grid loss in an operating gust", partial(_in_gust, "grid loss", _grid_loss), ABNORMAL),
+    "4.2": DesignCase("Shut-down in an operating gust", partial(_in_gust, "stop", _normal_stop)),
     "6.1": DesignCase("Parked, extreme wind of 50 years", _parked),
 }
 """Design load cases by number."""
 
 
 def inflow_of(situation: DesignSituation, turbine: Turbine) -> Inflow:
-    """Wind of a run.
-
-    Raises
-    ------
-    wt_gym.base.errors.InflowError
-        If the turbine has no class of IEC 61400-1 that says how strong the wind is.
-    """
+    """Wind of a run; a `wt_gym.base.errors.InflowError` if the turbine has no class of IEC 61400-1."""
     direction, rng = math.radians(situation.direction), np.random.default_rng(0)
     if situation.wind == "EWM":
         sampler = _sampler(turbine, "extreme-turbulent", direction=direction, turbulence=situation.turbulence)

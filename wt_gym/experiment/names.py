@@ -25,12 +25,6 @@ from wt_gym.control.controllers.names import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-__all__ = [
-    "BASELINE", "COMPARED", "GROUPS", "INTERFACE", "LEVELS", "PREFIX", "RESIDUAL_INTERFACE", "available",
-    "default_name", "each_named", "env_choices_of", "fingerprint", "is_base_controller", "named_choices",
-    "own_controller", "read_name", "split_name", "with_model_options",
-]  # fmt: skip
-
 _log = logging.getLogger(__name__)
 WORDS = ("zero", "random", "planner")
 """Agents by word: zero actions, which leave everything to the base controller; even draws; planning on a copy of the
@@ -59,17 +53,9 @@ _MODEL_PARAMETERS = ("algo", "env", "trust")
 
 
 def read_name(choice: str, near: Iterable[str] = ()) -> Name:
-    """What the name of an agent means.
+    """Meaning of the name of an agent; a `ValueError` if it is none, or has parameters that it cannot have.
 
-    Parameters
-    ----------
-    near : iterable of str
-        Further names that may have been meant, for the message.
-
-    Raises
-    ------
-    ValueError
-        If it is none, or has parameters that it cannot have.
+    ``near`` are further names that may have been meant, for the message.
     """
     name = parse_name(choice, WORDS, _WORD_ALIASES, near)
     allowed = _MODEL_PARAMETERS if name.kind == "trained" else ()
@@ -104,27 +90,15 @@ def env_choices_of(choice: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If one is not the agent's to choose, or the file is damaged.
+        If they are no table, one is not the agent's to choose, or the file is damaged.
     """
-    name = read_name(choice)
-    if name.kind == "class":
-        maker = load_class(name.target)
-        return checked_choices(getattr(maker, "env_kwargs", {}), choice) if is_agent_class(maker) else {}
-    if name.kind == "trained":
+    name, given = read_name(choice), dict[str, Any]()
+    if name.kind == "class" and is_agent_class(maker := load_class(name.target)):
+        given = getattr(maker, "env_kwargs", {})
+    elif name.kind == "trained":
         from wt_gym.experiment.trained_agent import model_card  # torch takes seconds to import
 
-        return checked_choices(model_card(name.target, name.parameters.get("env")).get("env_kwargs", {}), choice)
-    return {}
-
-
-def checked_choices(given: Any, choice: str) -> dict[str, Any]:
-    """Give back arguments of the environment that an agent may choose.
-
-    Raises
-    ------
-    ValueError
-        If they are not a table, or one is not the agent's to choose.
-    """
+        given = model_card(name.target, name.parameters.get("env")).get("env_kwargs", {})
     if not isinstance(given, dict):
         raise ValueError(f"env_kwargs of {choice} must be a table of arguments of the environment, got {given!r}")
     if foreign := [key for key in given if key not in INTERFACE]:
@@ -188,9 +162,7 @@ def named_choices(choices: Iterable[str], own: str = BASELINE) -> dict[str, str]
 
 
 def each_named(
-    choices: Iterable[str],
-    own: str = BASELINE,
-    groups: Mapping[str, Iterable[str]] | None = None,
+    choices: Iterable[str], own: str = BASELINE, groups: Mapping[str, Iterable[str]] | None = None
 ) -> Iterator[tuple[str, str]]:
     """Label and name of each agent of a command line, aliases resolved; arguments as of `named_choices`.
 
@@ -228,16 +200,8 @@ def each_seed(name: Name) -> list[tuple[str, str]]:
 def fingerprint(choice: str) -> dict[str, Any]:
     """What an agent is, to tell whether a stopped evaluation can resume with it.
 
-    Returns
-    -------
-    dict
-        The choice; for a trained model or a class of yours the SHA-256 sums of its files too, and what else makes
-        it up.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such model or file.
+    For a trained model or a class of yours the SHA-256 sums of its files too, and what else makes it up; raises a
+    `FileNotFoundError` if there is no such model or file.
     """
     name = read_name(choice)
     if name.kind == "class":

@@ -18,8 +18,6 @@ from stable_baselines3.common.torch_layers import FlattenExtractor, MlpExtractor
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-__all__ = ["FlatVector", "PolicyArrays", "Sample"]
-
 _HALF_LOG_2_PI = 0.5 * math.log(2.0 * math.pi)
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 
-from wt_gym.analysis.statistics import LEAST_PER_STRATUM, bootstrap_interval
+from wt_gym.analysis.statistics import estimate
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import write_text_whole
 from wt_gym.control.controllers.names import BASELINE
@@ -37,11 +37,6 @@ if TYPE_CHECKING:
     from wt_gym.analysis.results import Evaluation, Wind
     from wt_gym.experiment.execute import Executor
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "CONDITIONS", "COST_TASK", "FAULTS", "FAULT_CONDITIONS", "NOMINAL", "Condition", "Gain", "Robustness",
-    "base_of", "chosen", "run_robustness",
-]  # fmt: skip
 
 NOMINAL = "nominal"
 RESULTS_FILE, TABLE_FILE = "robustness.json", "robustness.md"
@@ -121,15 +116,7 @@ FAULTS = "faults"
 
 
 def chosen(names: Iterable[str] | None = None) -> tuple[Condition, ...]:
-    """Conditions by their names, the nominal one first; by default those without faults.
-
-    "faults" stands for all with one.
-
-    Raises
-    ------
-    ValueError
-        If there is no such condition.
-    """
+    """Conditions by their names, the nominal one first; by default those without faults, "faults" for all with one."""
     known = CONDITIONS | FAULT_CONDITIONS
     given = list(CONDITIONS if names is None else names)
     given = [one for name in given for one in (FAULT_CONDITIONS if name == FAULTS else (name,))]
@@ -189,24 +176,20 @@ class Robustness:
 
     def to_markdown(self) -> str:
         """One table an agent."""
+        from wt_gym.analysis.page import Row, markdown  # with plotly
+
         lines = []
         for agent in (name for name in self.bases if name != self.reference):
             base = self.bases[agent]
-            lines += [
-                f"### {agent}",
-                "",
-                f"| condition | gain over {self.reference} | gain over {base or '–'} | kept |",
-            ]
-            lines += ["|---|---|---|---|"]
+            lines += [f"### {agent}", ""]
+            rows = []
             for one in self.conditions:
                 share = self.kept(one.name, agent)
-                cells = [one.text, _shown(self.over_reference[one.name][agent])]
-                cells += [
-                    _shown(self.over_base[one.name].get(agent)),
-                    "–" if share is None else f"{100.0 * share:.0f} %",
-                ]
-                lines.append(f"| {' | '.join(cells)} |")
-            lines.append("")
+                gains = self.over_reference[one.name][agent], self.over_base[one.name].get(agent)
+                kept = "–" if share is None else f"{100.0 * share:.0f} %"
+                rows.append(Row(one.text, [*map(_shown, gains), kept]))
+            head = ["condition", f"gain over {self.reference}", f"gain over {base or '–'}", "kept"]
+            lines += [*markdown(head, rows), ""]
         lines += [f"{condition}: {sentence}" for condition, found in self.idle.items() for sentence in found]
         return "\n".join(lines)
 
@@ -335,8 +318,5 @@ def _gain(metrics: _Metrics, agent: str, reference: str) -> Gain:
     values = np.array([gain for gain in gains if gain is not None])
     if len(values) < len(gains):
         return Gain(None, None, None, tuple(gains))
-    strata = [wind.speed for wind in of_agent]
-    low = high = None
-    if min(strata.count(speed) for speed in set(strata)) >= LEAST_PER_STRATUM:
-        low, high = bootstrap_interval(lambda k: values[k].mean(axis=-1), strata)
-    return Gain(float(values.mean()), low, high, tuple(gains))
+    mean = estimate([wind.speed for wind in of_agent], lambda k: values[k].mean(axis=-1), True).to_json()
+    return Gain(mean["value"], mean["low"], mean["high"], tuple(gains))

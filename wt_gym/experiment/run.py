@@ -15,7 +15,8 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.control import Demand
 from wt_gym.control.controllers import checked_demand, make_controller, readings_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
-from wt_gym.control.operating_point import rotor_inertia, starting_point
+from wt_gym.control.design import rotor_inertia
+from wt_gym.control.operating_point import starting_point
 from wt_gym.envs.canary import canary_of, control_step
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.power import DiscWind, available_power
@@ -42,11 +43,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation.channels import Signals
     from wt_gym.simulation.contract import TurbineSimulator
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "ENDLESS", "LEAST_MEASURED", "Episode", "EpisodePlayer", "benchmark_fingerprint", "benchmark_metrics",
-    "delivered_power", "play", "run_baseline", "run_controller",
-]  # fmt: skip
 
 ENDLESS = 10**9
 """Control steps that no run has: its duration is the only limit."""
@@ -106,10 +102,7 @@ class EpisodePlayer:
     def __iter__(self) -> Iterator[EpisodeStep]:
         """Reset the environment, let the agent act until the end, and record.
 
-        Raises
-        ------
-        wt_gym.base.errors.SimulationError
-            If the simulation cannot start; a later failure is the ending.
+        A simulation that cannot start raises a `SimulationError`; a later failure is the ending.
         """
         env, replay = self._env, self._replay
         observation, _ = env.reset(seed=self._seed, options=self._options)
@@ -136,8 +129,16 @@ class EpisodePlayer:
             if count == most:
                 break
         recorder.attributes[IDLE_ATTRIBUTE] = plain.idle.total
+        data = recorder.to_dataset()
+        if None not in powers:
+            demanded, available = np.array(powers).T
+            allowed = "power that the wind over the rotor allows, at most rated"
+            data = data.assign(
+                demanded_power=("time", demanded, {"units": "W", "long_name": "power that is asked for"}),
+                available_power=("time", available, {"units": "W", "long_name": allowed}),
+            )
         self.episode = Episode(
-            _with_demanded(recorder.to_dataset(), powers), float(info["time"]), info.get("termination", "time"),
+            data, float(info["time"]), info.get("termination", "time"),
             info.get("failure"), float(total), terms, float(cost), costs, count, shapes.to_replay(),
         )  # fmt: skip
 
@@ -151,10 +152,7 @@ def play(env: gym.Env[Any, Any], agent: Agent, **settings: Any) -> Episode:
 
 
 def _demanded_and_available(env: WindTurbineEnv, disc: DiscWind, dt: float | None = None) -> tuple[float, float] | None:
-    """Power that is asked for, and that the wind allows a rotor across it [W]; None where nothing is asked for.
-
-    At the start, or at the end of a step [s]. As in the reward term ``power`` no yawing changes what is allowed.
-    """
+    """Power demanded, and that which the wind allows a rotor across it [W], at the start or the end of a step [s]."""
     reference, signals = env.operation.reference, env.signals
     if reference is None:
         return None
@@ -163,52 +161,34 @@ def _demanded_and_available(env: WindTurbineEnv, disc: DiscWind, dt: float | Non
     return reference.at(signals["time"]), available_power(env.turbine, wind)
 
 
-def _with_demanded(data: xr.Dataset, asked: list[tuple[float, float] | None]) -> xr.Dataset:
-    """Signals with the channels "demanded_power" and "available_power", where something was asked for."""
-    if any(one is None for one in asked):
-        return data
-    columns = np.array(asked).T
-    texts = "power that is asked for", "power that the wind over the rotor allows, at most rated"
-    added = {
-        name: ("time", column, {"units": "W", "long_name": text})
-        for name, column, text in zip(("demanded_power", "available_power"), columns, texts, strict=True)
-    }
-    return data.assign(added)
-
-
 def run_controller(
     simulator: TurbineSimulator,
     controller: Controller,
     duration: float,
     control_dt: float | None = None,
     on_step: Callable[[Signals], None] | None = None,
-    rotor_speed: float | None = None,
     name: str = "controller",
     recorder: Recorder | None = None,
     start: Mapping[str, Any] | None = None,
 ) -> Recorder:
     """Simulate under a controller from the operating point of the inflow's mean speed.
 
+    The simulator is reset, the controller started.
+
     Parameters
     ----------
-    simulator : Simulator
-        Is reset. Any object with its ``reset``, ``advance``, ``turbine``, ``inflow``, ``fidelity`` and ``time_step``.
-    controller : Controller
-        Is started.
     duration : float
         [s].
     control_dt : float, optional
         Interval of the controller, by default one aerodynamic time step [s].
     on_step : callable, optional
         Called with the signals after every interval.
-    rotor_speed : float, optional
-        To start with, by default that of the operating point [rad/s].
     name : str
         Of the controller, an attribute of the record.
     recorder : Recorder, optional
         That gets the signals, by default a new one. A given one keeps what was simulated before a stop.
     start : mapping, optional
-        Arguments of the reset in place of the operating point.
+        Arguments of the reset; ``rotor_speed`` [rad/s] and ``pitch`` [rad] are by default the operating point's.
 
     Returns
     -------
@@ -223,9 +203,10 @@ def run_controller(
     dt = simulator.time_step if control_dt is None else control_dt
     if not (dt > 0.0 and 0.0 <= duration < np.inf):
         raise ValueError(f"a positive interval and a finite duration are needed, got {dt!r} s and {duration!r} s")
-    if start is None:
+    start = dict(start or {})
+    if not {"rotor_speed", "pitch"} <= start.keys():
         point = starting_point(simulator.turbine, simulator.inflow)
-        start = {"rotor_speed": point.rotor_speed if rotor_speed is None else rotor_speed, "pitch": point.pitch}
+        start = {"rotor_speed": point.rotor_speed, "pitch": point.pitch} | start
     signals = simulator.reset(**start)
     inflow, n_blades = simulator.inflow, simulator.turbine.n_blades
     where = simulator.turbine.hub_height, simulator.turbine.rotation
@@ -251,29 +232,18 @@ def run_controller(
 
 
 def run_baseline(
-    simulator: TurbineSimulator,
-    duration: float,
-    control_dt: float | None = None,
-    on_step: Callable[[Signals], None] | None = None,
-    parameters: BaselineParameters | None = None,
-    rotor_speed: float | None = None,
-    recorder: Recorder | None = None,
-) -> Recorder:
-    """Simulate under the baseline controller; arguments as `run_controller`.
+    simulator: TurbineSimulator, duration: float, control_dt: float | None = None,
+    parameters: BaselineParameters | None = None, **options: Any,
+) -> Recorder:  # fmt: skip
+    """Simulate under the baseline controller; other arguments and errors as of `run_controller`.
 
     Parameters
     ----------
-    simulator : Simulator
-    duration, control_dt, on_step, rotor_speed, recorder
-        See `run_controller`.
     parameters : BaselineParameters, optional
         Constants of a controller with a torque curve; by default the turbine's own controller.
     """
-    if parameters is None:
-        controller = make_controller("discon", simulator.turbine)
-    else:
-        controller = DisconController(parameters)
-    return run_controller(simulator, controller, duration, control_dt, on_step, rotor_speed, "baseline", recorder)
+    own = make_controller("discon", simulator.turbine) if parameters is None else DisconController(parameters)
+    return run_controller(simulator, own, duration, control_dt, name="baseline", **options)
 
 
 def benchmark_metrics(data: xr.Dataset, turbine: Turbine, skip: float) -> dict[str, float]:
@@ -315,17 +285,10 @@ def delivered_power(power: NDArray[np.float64], time: NDArray[np.float64], rated
 def benchmark_fingerprint(turbine: Turbine, fidelity: str | Fidelity | None) -> dict[str, Any]:
     """Digests of turbine and fidelity, and the canary of the package for them.
 
-    Parameters
-    ----------
-    fidelity : str or Fidelity or None
-        None: that of the blades (`wt_gym.simulation.fidelity.suited_fidelity`).
-
-    Returns
-    -------
-    dict
-        ``turbine``, ``fidelity``, and ``canary``: numbers of short episodes by channel (`wt_gym.envs.canary`), with the
-        metrics of a short run. Where episodes start from a record of the user, ``start`` is its digest; the records of
-        the package show in the canary. `wt_gym.base.canary.differing` compares two fingerprints.
+    The fidelity is by default that of the blades (`wt_gym.simulation.fidelity.suited_fidelity`). Gives ``turbine``,
+    ``fidelity``, and ``canary``: numbers of short episodes by channel (`wt_gym.envs.canary`), with the metrics of a
+    short run. Where episodes start from a record of the user, ``start`` is its digest; the records of the package show
+    in the canary. `wt_gym.base.canary.differing` compares two fingerprints.
     """
     chosen = fidelity_of(suited_fidelity(turbine) if fidelity is None else fidelity)
     record = user_record_digest(turbine)

@@ -6,7 +6,7 @@ import json
 import shutil
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.base.files import write_text_whole
+from wt_gym.base.files import read_json, write_text_whole
 from wt_gym.experiment.store import FolderLock
 from wt_gym.experiment.trained_agent import (
     BEST_MODEL_FILE,
@@ -20,8 +20,6 @@ from wt_gym.experiment.trained_agent import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-__all__ = ["SEEDS_FILE", "RunFolder", "read_plan", "seed_folder"]
 
 SEEDS_FILE = "seeds.json"
 """Plan and summary of a training with several seeds."""
@@ -49,30 +47,15 @@ def read_plan(folder: Path) -> dict[str, Any]:
     damaged.
     """
     file = folder / SEEDS_FILE
-    try:
-        plan = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{file} is damaged: {error}") from error
-    seeds = plan.get("seeds") if isinstance(plan, dict) else None
-    whole = isinstance(seeds, list) and seeds and all(isinstance(seed, int) for seed in seeds)
-    if isinstance(plan, dict) and whole and "config" in plan:
-        return plan
-    raise ValueError(f"{file} is damaged: it must name the seeds and the configuration of a training")
+    plan: dict[str, Any] = read_json(file)
+    seeds = plan.get("seeds")
+    if not (isinstance(seeds, list) and seeds and all(isinstance(seed, int) for seed in seeds) and "config" in plan):
+        raise ValueError(f"{file} is damaged: it must name the seeds and the configuration of a training")
+    return plan
 
 
 class RunFolder(FolderLock):
-    """Folder of one training; a context that holds its lock.
-
-    Parameters
-    ----------
-    path : str or path
-        Created when the lock is taken.
-
-    Raises
-    ------
-    ValueError
-        On entering, if another process trains there.
-    """
+    """Folder of one training; a context that holds its lock, see `FolderLock`."""
 
     subfolders = (_CHECKPOINTS,)
 
@@ -134,15 +117,7 @@ class RunFolder(FolderLock):
             raise ValueError(f"{self.path} holds a training already: resume it, overwrite it, or take another folder")
 
     def record(self) -> dict[str, Any]:
-        """Read the record.
-
-        Raises
-        ------
-        FileNotFoundError
-            If there is none.
-        ValueError
-            If it is damaged.
-        """
+        """Read the record; a `FileNotFoundError` if there is none, a `ValueError` if it is damaged."""
         file = self.path / RECORD_FILE
         if not file.is_file():
             more = "; a stopped pretraining resumes by the command that began it" if self.recordings.is_dir() else ""

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.turbines.openfast_control import SteadyTable
 
-__all__ = ["DURATION", "SteadyRun", "steady_check", "steady_winds", "verdict"]
-
 DURATION = 100.0
 """Length of a run [s]."""
 _AVERAGE = 30.0

@@ -11,7 +11,7 @@ import os
 import types
 from collections.abc import Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -19,13 +19,11 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from wt_gym.base.canary import CANARY, differing
-from wt_gym.base.files import remove_partial, write_text_whole
+from wt_gym.base.files import read_json, remove_partial, write_text_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-
-__all__ = ["RUNS_FOLDER", "SWEEP_FILE", "FolderLock", "RunDefinition", "RunStore", "described", "digest", "run_digest"]
 
 _WRITTEN_OUT = 100
 """Numbers that an array may have to be written out; a larger one is told by a digest."""
@@ -46,70 +44,34 @@ def run_digest(definition: Mapping[str, Any]) -> str:
     return digest({**definition, "fingerprint": {name: fingerprint[name] for name in fingerprint if name != CANARY}})
 
 
-@dataclass(frozen=True)
-class RunDefinition:
-    """Who runs where, in what wind and for how long, and with which code: plain data.
+def run_definition(
+    *, wind: dict[str, Any], duration: float, skip: float, fingerprint: dict[str, Any], **parts: Any
+) -> dict[str, Any]:
+    """Definition of a run: agent, environment, wind, length and code, as the JSON values that a file gives back.
 
-    Runs with the same `to_json` have the same numbers on the same machine; the last digits of the canary depend on the
-    processor. Entries of None are left out.
+    Runs with the same definition have the same numbers on the same machine; the last digits of the canary depend on
+    the processor.
 
-    Attributes
+    Parameters
     ----------
-    wind
+    wind : dict
         Mean speed, seed and what else tells the wind from every other one.
-    duration, skip
+    duration, skip : float
         Length, and the start left out of the metrics [s].
-    fingerprint
+    fingerprint : dict
         Digests of turbine and fidelity, and a canary of the package (`wt_gym.experiment.run.benchmark_fingerprint`).
-    agent
-        Identity of the agent; None without one.
-    env_id, env_kwargs, interface
-        Environment, its arguments besides those of the id, and those that the agent chooses; None where a simulator
-        runs without an environment.
-    faults, azimuth, seed
-        Azimuth of blade 1 at the start [deg]; seed of the environment: what the wind leaves open.
-    replay
-        Length of the end of which shapes are stored [s].
-    wind_files
-        Digests of the files of wind that the arguments name.
-    more
-        Further entries of a study: task and version of the benchmark.
+    **parts
+        What else decides, as ``agent`` (its identity), ``env_id``, ``env_kwargs``, ``interface`` (arguments that the
+        agent chooses), ``seed`` (of what the wind leaves open) or ``wind_files`` (their digests). Parts of None are
+        left out; objects are told by `described`.
+
+    Raises
+    ------
+    ValueError
+        If an object has no description that is the same in every process.
     """
-
-    wind: dict[str, Any]
-    duration: float
-    skip: float
-    fingerprint: dict[str, Any]
-    agent: dict[str, Any] | None = None
-    env_id: str | None = None
-    env_kwargs: dict[str, Any] | None = None
-    interface: dict[str, Any] | None = None
-    faults: list[dict[str, Any]] | None = None
-    azimuth: float | None = None
-    seed: int | None = None
-    replay: float | None = None
-    wind_files: dict[str, Any] | None = None
-    more: dict[str, Any] = field(default_factory=dict)
-
-    def to_json(self) -> dict[str, Any]:
-        """Everything as JSON values, as a file would give it back; objects by `described`.
-
-        Raises
-        ------
-        ValueError
-            If ``more`` repeats something, or an object has no description that is the same in every process.
-        """
-        parts = {part.name: getattr(self, part.name) for part in fields(self) if part.name != "more"}
-        known = {name: value for name, value in parts.items() if value is not None}
-        if both := known.keys() & self.more.keys():
-            raise ValueError(f"more must not repeat what a run is defined by, got {', '.join(sorted(both))}")
-        known |= self.more
-        return {name: described(value, name) for name, value in known.items()}
-
-    @property
-    def digest(self) -> str:
-        """Short name of the run."""
-        return run_digest(self.to_json())
+    parts |= {"wind": wind, "duration": duration, "skip": skip, "fingerprint": fingerprint}
+    return {name: described(value, name) for name, value in parts.items() if value is not None}
 
 
 def described(value: Any, name: str = "value") -> Any:
@@ -145,29 +107,21 @@ def _described(value: Any, name: str, above: tuple[int, ...]) -> Any:
         raise ValueError(f"{name} must not refer to itself, got {value!r:.100}")
     above = (*above, id(value))
     if isinstance(value, Mapping):
-        return {_key(key, name): _described(one, f"{name}[{key!r}]", above) for key, one in value.items()}
+        for key in value:
+            if not isinstance(key, str | bool | int | float | None):
+                raise ValueError(f"keys of {name} must be texts or numbers, got {key!r:.100}")
+        pairs = ((str(*json.loads(json.dumps({key: 0}))), key) for key in value)  # keys as JSON has them
+        return {text: _described(value[key], f"{name}[{key!r}]", above) for text, key in pairs}
     if isinstance(value, list | tuple):
         return [_described(one, f"{name}[{k}]", above) for k, one in enumerate(value)]
     if isinstance(value, set | frozenset):
         return sorted((_described(one, name, above) for one in value), key=lambda one: json.dumps(one, sort_keys=True))
     if isinstance(value, np.ndarray):
-        return _array(value, name, above)
+        if value.size <= _WRITTEN_OUT or value.dtype.hasobject:
+            return _described(value.tolist(), name, above)
+        content = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+        return {"array": value.dtype.str, "shape": list(value.shape), "sha256": content}
     return _object(value, name, above)
-
-
-def _key(key: Any, name: str) -> str:
-    """Key of a mapping as JSON has it."""
-    if isinstance(key, str | bool | int | float | None):
-        return str(next(iter(json.loads(json.dumps({key: 0})))))
-    raise ValueError(f"keys of {name} must be texts or numbers, got {key!r:.100}")
-
-
-def _array(value: np.ndarray[Any, Any], name: str, above: tuple[int, ...]) -> Any:
-    """Numbers of a small array, the digest of those of a large one."""
-    if value.size <= _WRITTEN_OUT or value.dtype.hasobject:
-        return _described(value.tolist(), name, above)
-    content = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
-    return {"array": value.dtype.str, "shape": list(value.shape), "sha256": content}
 
 
 def _object(value: Any, name: str, above: tuple[int, ...]) -> Any:
@@ -254,19 +208,16 @@ class FolderLock:
         try:
             lock.acquire()
         except Timeout:
-            raise ValueError(f"{self.path} is in use by another {self._work} (process {self._holder()})") from None
+            holder = ""
+            with suppress(OSError):
+                holder = self._lock_file.read_text(encoding="utf-8", errors="replace").strip()
+            raise ValueError(f"{self.path} is in use by another {self._work} (process {holder or 'unknown'})") from None
         self._lock = lock
         with suppress(PermissionError):
             self._lock_file.write_text(f"{os.getpid()}\n", encoding="utf-8")
         for folder in (self.path, *(self.path / name for name in self.subfolders)):
             remove_partial(folder)
         return self
-
-    def _holder(self) -> str:
-        """Number of the process that works there."""
-        with suppress(OSError):
-            return self._lock_file.read_text(encoding="utf-8", errors="replace").strip() or "unknown"
-        return "unknown"
 
     def __exit__(self, *_exception: object) -> None:
         lock, self._lock = self._lock, None
@@ -322,40 +273,25 @@ class RunStore(FolderLock):
         return self.read(definition) if self.file(definition).exists() else None
 
     def read(self, definition: dict[str, Any]) -> Any:
-        """Result of a run that has been made.
+        """Result of a run that has been made, else a `FileNotFoundError`.
 
-        Raises
-        ------
-        FileNotFoundError
-            If it has not.
-        ValueError
-            If its file is damaged, holds another run than its name says, or was made by a version of the package with
-            another behavior.
+        Raises a `ValueError` if its file is damaged, holds another run than its name says, or was made by a version of
+        the package with another behavior.
         """
         return self._read(self.file(definition), definition)
 
     def keep(self, definition: dict[str, Any], result: Any) -> Any:
-        """Write the result of a run; return it as it will be read.
-
-        Raises
-        ------
-        ValueError
-            If it holds a number that is not finite.
-        """
+        """Write the result of a run; return it as it will be read. Numbers that are not finite raise a `ValueError`."""
         self._folder.mkdir(parents=True, exist_ok=True)
         return self._write(self.file(definition), definition, result)
 
     def _read(self, file: Path, definition: dict[str, Any] | None = None) -> Any:
         """Read a file, and check it against its name and the behavior of the present version of the package."""
         try:
-            result = json.loads(file.read_text(encoding="utf-8"))
+            result: dict[str, Any] = read_json(file)
         except ValueError as error:
-            raise self.error(f"{file} is damaged: {error}; remove it to have the run made again") from error
-        if (
-            not isinstance(result, dict)
-            or not set(result) >= self.required
-            or not isinstance(result["definition"], dict)
-        ):
+            raise self.error(f"{error}; remove it to have the run made again") from error
+        if not set(result) >= self.required or not isinstance(result["definition"], dict):
             needed = ", ".join(sorted(self.required))
             raise self.error(f"{file} is damaged, or no result: it must have {needed}; remove it")
         if self.name(result["definition"]) != file.name:
@@ -389,15 +325,5 @@ class RunStore(FolderLock):
                 "lost": [label(row) for row in tally.lost[lost:]],
             }  # fmt: skip
             if self.path.is_dir():
-                write_text_whole(file, json.dumps([*self._sweeps(file), row], indent=1) + "\n")
-
-    @staticmethod
-    def _sweeps(file: Path) -> list[Any]:
-        """Rows of the file of sweeps."""
-        try:
-            rows = json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
-        except ValueError as error:
-            raise ValueError(f"{file} is damaged: {error}") from error
-        if not isinstance(rows, list):
-            raise ValueError(f"{file} is damaged: it must be a list, a row for each time that the sweep was worked on")
-        return rows
+                rows = read_json(file, list) if file.exists() else []
+                write_text_whole(file, json.dumps([*rows, row], indent=1) + "\n")

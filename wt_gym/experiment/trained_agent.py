@@ -21,6 +21,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
 from wt_gym.base.errors import did_you_mean
+from wt_gym.base.files import read_json
 from wt_gym.experiment.policy_arrays import PolicyArrays
 
 if TYPE_CHECKING:
@@ -31,11 +32,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from wt_gym.envs.layout import EnvLayout
-
-__all__ = [
-    "ALGORITHM_CLASSES", "BEST_MODEL_FILE", "BEST_NORMALIZATION_FILE", "DAMAGE", "MODEL_FILE", "NORMALIZATION_FILE",
-    "RECORD_FILE", "TrainedAgent", "UnsafePickleError", "model_card", "model_digests", "model_files", "read_record",
-]  # fmt: skip
 
 _NUMPY = ("numpy._core", "numpy.core")
 _NAMES = {
@@ -84,24 +80,12 @@ class _Restricted(pickle.Unpickler):
 
 
 def safe_loads(data: bytes) -> Any:
-    """Read a pickled object that is made of `_NAMES` only.
-
-    Raises
-    ------
-    UnsafePickleError
-        With the first name that is none of them; nothing of it has been called.
-    """
+    """Read a pickled object of `_NAMES` only; an `UnsafePickleError` names the first other, which is not called."""
     return _Restricted(io.BytesIO(data)).load()
 
 
 def read_data(model_file: Path) -> dict[str, Any]:
-    """What a stable-baselines3 zip says of its model, pickled parts as text.
-
-    Raises
-    ------
-    ValueError
-        If it is not such a file.
-    """
+    """Data of the model in a stable-baselines3 zip, pickled parts as text; a `ValueError` if it is no such file."""
     try:
         with zipfile.ZipFile(model_file) as archive:
             data = json.loads(archive.read("data"))
@@ -115,9 +99,7 @@ def read_data(model_file: Path) -> dict[str, Any]:
 
 
 def algorithm_of(data: dict[str, Any]) -> str | None:
-    """Algorithm that a model was trained with, by its class of policies or the settings that only it has; None where
-    neither is known.
-    """
+    """Algorithm of a model by its class of policies or the settings that only it has; None where neither is known."""
     policy = data.get("policy_class")
     module = str(policy.get("__module__", "")) if isinstance(policy, dict) else ""
     for name, part in (("CrossQ", ".crossq."), ("ARS", ".ars."), ("RecurrentPPO", ".recurrent.")):
@@ -140,22 +122,8 @@ def algorithm_of(data: dict[str, Any]) -> str | None:
 def safe_objects(data: dict[str, Any], model_file: Path) -> dict[str, Any]:
     """Pickled parts of a model, read by `safe_loads`; what a policy does not need is replaced where it is unsafe.
 
-    Parameters
-    ----------
-    data : dict
-        Of `read_data`.
-    model_file : path
-        For messages.
-
-    Returns
-    -------
-    dict
-        ``custom_objects`` for ``load`` of stable-baselines3, which then unpickles nothing itself.
-
-    Raises
-    ------
-    UnsafePickleError
-        If spaces, policy or its arguments are made of anything else.
+    Gives ``custom_objects`` for ``load`` of stable-baselines3, which then unpickles nothing itself. Raises an
+    `UnsafePickleError` if spaces, policy or its arguments are made of anything else.
     """
     found: dict[str, Any] = {}
     for key, value in data.items():
@@ -190,18 +158,9 @@ _CHECKPOINT = re.compile(r"(?P<prefix>.+)_(?P<steps>\d+)_steps\.zip")
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """Read how a model was trained.
-
-    Raises
-    ------
-    ValueError
-        If the file is damaged.
-    """
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:  # no JSON, or no text at all
-        raise ValueError(f"{path} is damaged: {error}") from error
-    if not isinstance(record, dict) or not isinstance(record.get("algorithm"), str):
+    """Read how a model was trained; a `ValueError` if the file is damaged."""
+    record: dict[str, Any] = read_json(path)
+    if not isinstance(record.get("algorithm"), str):
         raise ValueError(f"{path} is not the record of a training: it names no algorithm")
     return record
 
@@ -241,13 +200,9 @@ def model_card(path: str | Path, file: str | Path | None = None) -> dict[str, An
     beside = path.with_suffix(".json") if file is None else Path(file)
     if file is None and (path.is_dir() or not beside.is_file()):
         return {}
-    try:
-        card = json.loads(beside.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{beside} is damaged: {error}") from error
-    if not isinstance(card, dict) or (other := [key for key in card if key not in _CARD]):
-        got = repr(card) if not isinstance(card, dict) else ", ".join(other)
-        raise ValueError(f"{beside} must hold a table of {' and '.join(_CARD)}, got {got}")
+    card: dict[str, Any] = read_json(beside)
+    if other := [key for key in card if key not in _CARD]:
+        raise ValueError(f"{beside} must hold a table of {' and '.join(_CARD)}, got {', '.join(other)}")
     return card
 
 
@@ -294,18 +249,7 @@ def model_files(path: str | Path) -> tuple[Path, ...]:
 
 
 def model_digests(path: str | Path) -> dict[str, str]:
-    """SHA-256 sums of the files that a trained agent is loaded from, by name: what tells it from every other one.
-
-    Parameters
-    ----------
-    path : str or path
-        As of `model_files`.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no model.
-    """
+    """SHA-256 sums of the `model_files` of a trained agent by name: what tells it from every other one."""
     return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in model_files(path)}
 
 

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from wt_gym.experiment.comparison import ControllerRuns
     from wt_gym.turbines import Turbine
 
-__all__ = ["SPACES", "Cost", "SearchRange", "TuningTask", "parameters_text", "tune"]
-
 
 @dataclass(frozen=True)
 class SearchRange:
@@ -172,19 +170,8 @@ def tune(
 
     The first trial is the controller's defaults, where they are numbers and lie in the search space.
 
-    Parameters
-    ----------
-    seed : int
-        Of the search.
-    output : Path, optional
-        JSON file with the record, written after every trial.
-    progress : bool
-        Show each trial on standard error.
-
-    Returns
-    -------
-    dict
-        The record: ``best`` (parameters, cost), ``trials``, ``task``, ``versions``.
+    The JSON file of ``output`` gets the record after every trial: ``best`` (parameters, cost), ``trials``, ``task``,
+    ``versions``; with ``progress`` each trial is shown on standard error.
 
     Raises
     ------

@@ -1,7 +1,4 @@
-"""What happens at every step of a training: curve, figures, checkpoints, reasons to stop, and evaluation.
-
-Policies are evaluated against the baseline controller, in winds that no training sees.
-"""
+"""Callbacks of a training: curve, figures, checkpoints, reasons to stop, evaluation in winds that no training sees."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ import threading
 import time
 from contextlib import contextmanager
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
@@ -28,15 +25,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from types import FrameType
 
-    from wt_gym.analysis.results import Run
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.wind_sampler import WindSampler
     from wt_gym.learning.options import TrainingConfig
 
-__all__ = [
-    "FIGURES", "SELECTION_WIND_SEEDS", "Checkpoints", "EpisodeFigures", "Evaluations", "SelectionEvaluation",
-    "StopRequest", "Watch", "stop_on_signals",
-]  # fmt: skip
 
 _log = logging.getLogger(__name__)
 
@@ -60,24 +52,9 @@ _SEED = 2**31  # of what the wind seed does not decide (directions, gusts, noise
 class SelectionEvaluation:
     """Runs a policy and, once, the baseline controller in the same few winds.
 
-    Parameters
-    ----------
-    wind : WindSampler
-        Of the training environment: the winds have its mean speeds and other seeds.
-    before : dict, optional
-        Evaluations as an earlier session has recorded them: in the same winds the baseline is not run again.
-
-    Attributes
-    ----------
-    baseline : list of dict or None
-        Figures of the baseline controller by wind, from the first evaluation on.
-    seconds : float
-        Wall time spent [s].
-
-    Raises
-    ------
-    ValueError
-        If the training draws from so many seeds that too few are held back, or the earlier evaluations are damaged.
+    The winds have the mean speeds of the training environment's and other seeds. In those of ``before``, evaluations in
+    the record of an earlier session, the baseline is not run again. Attributes are the figures of the baseline by wind,
+    None before the first evaluation, and the wall time spent [s].
     """
 
     def __init__(self, config: TrainingConfig, wind: WindSampler, before: dict[str, Any] | None = None):
@@ -90,9 +67,13 @@ class SelectionEvaluation:
         # Zero residual actions are the controller, whatever components and mode the policy acts by.
         residual = {name: value for name, value in kwargs.items() if name != "action_spans"}
         self._baseline_config = replace(self._config, env_kwargs=residual | {"action_mode": "residual"})
-        self.baseline, self.seconds = None, 0.0
-        if before and before.get("winds") == [asdict(wind) for wind in self.winds]:
-            self.baseline = _checked(before.get("baseline"), len(self.winds))
+        before = before or {}
+        self.baseline, self.seconds = None, float(before.get("seconds", 0.0))
+        if before.get("winds") == [asdict(wind) for wind in self.winds]:
+            rows = self.baseline = before.get("baseline")  # None: stopped before the first evaluation
+            whole = isinstance(rows, list) and len(rows) == len(self.winds) and all(isinstance(r, dict) for r in rows)
+            if rows is not None and not whole:
+                raise ValueError(f"the record is damaged: the baseline's figures are {rows!r:.80}")
 
     def __call__(self, agent: Agent) -> dict[str, float | None]:
         """Figures of `FIGURES` for an agent, means over the winds; None where a run ended too early to have them."""
@@ -110,7 +91,11 @@ def _run(agent: str | Agent, config: EvaluationConfig) -> list[dict[str, Any]]:
     evaluation = evaluate({name: agent}, config, progress=False)
     for sentence in evaluation.idle_sentences.values():
         _log.warning(sentence)
-    return [_figures(run) for run in evaluation.runs]
+    return [
+        {"episode_return": run.episode_return}
+        | {name: run.metrics[name] for name in FIGURES if run.complete and name in run.metrics}
+        for run in evaluation.runs
+    ]
 
 
 def _winds(config: TrainingConfig, wind: WindSampler) -> tuple[Wind, ...]:
@@ -131,27 +116,6 @@ def _winds(config: TrainingConfig, wind: WindSampler) -> tuple[Wind, ...]:
     return tuple(Wind(speed, seed) for speed, seed in zip(speeds, seeds, strict=False))
 
 
-def _checked(baseline: Any, n_winds: int) -> list[dict[str, Any]] | None:
-    """Figures of the baseline from a record.
-
-    Raises
-    ------
-    ValueError
-        If they are none.
-    """
-    if baseline is None:  # stopped before the first evaluation
-        return None
-    if not (isinstance(baseline, list) and len(baseline) == n_winds and all(isinstance(row, dict) for row in baseline)):
-        raise ValueError(f"the record is damaged: the baseline's figures are {baseline!r:.80}")
-    return baseline
-
-
-def _figures(run: Run) -> dict[str, Any]:
-    """Return and metrics of a run."""
-    metrics = run.metrics if run.complete else {}
-    return {"episode_return": run.episode_return} | {name: metrics[name] for name in FIGURES if name in metrics}
-
-
 def _compare(name: str, own: list[dict[str, Any]], baseline: list[dict[str, Any]]) -> float | None:
     """Mean over the winds of a figure against the baseline's; None where a run lacks it, or the baseline has none."""
     if any(name not in row for row in own + baseline):
@@ -164,7 +128,7 @@ def _compare(name: str, own: list[dict[str, Any]], baseline: list[dict[str, Any]
 
 
 class StopRequest:
-    """Whether somebody asked the training to stop, and by which signal."""
+    """Signal that asked the training to stop; None: nobody did."""
 
     signal_number: int | None = None
 
@@ -175,13 +139,13 @@ class StopRequest:
 
 
 @contextmanager
-def stop_on_signals() -> Iterator[StopRequest]:
-    """Turn SIGINT (Ctrl-C) and SIGTERM into a request; the second one ends the program as usual.
+def stop_on_signals(outer: StopRequest | None = None) -> Iterator[StopRequest]:
+    """Turn SIGINT (Ctrl-C) and SIGTERM into a request; the second one ends the program.
 
-    Signals reach the main thread alone: in another one nothing is changed.
+    Only in the main thread, and not where an outer request exists, which is used then.
     """
-    request = StopRequest()
-    if threading.current_thread() is not threading.main_thread():
+    request = outer or StopRequest()
+    if outer is not None or threading.current_thread() is not threading.main_thread():
         yield request
         return
     numbers = (signal.SIGINT, signal.SIGTERM)
@@ -202,17 +166,7 @@ def stop_on_signals() -> Iterator[StopRequest]:
 
 
 class Watch(BaseCallback):
-    """Keeps the learning curve, shows progress and stops at the time limit or when asked to.
-
-    Parameters
-    ----------
-    control_dt : float
-        [s].
-    curve : dict of list
-        Continued from what it holds.
-    shown : bool
-        Show progress.
-    """
+    """Extends the learning curve, shows progress and stops at the time limit or when asked to."""
 
     def __init__(
         self, config: TrainingConfig, control_dt: float, curve: dict[str, list[Any]], stop: StopRequest, shown: bool
@@ -265,7 +219,7 @@ class Watch(BaseCallback):
 
 
 class EpisodeFigures(BaseCallback):
-    """Gives the logger, and so TensorBoard, what the environment tells of its episodes, means since the last writing.
+    """Gives the logger, and so TensorBoard, figures of the episodes, means since the last writing.
 
     ``episode/``: return, length [s], mean power [MW], highest rotor speed [rad/s], least tip clearance [m], share of
     terminated episodes; ``reward/``: each term, summed over an episode.
@@ -282,74 +236,64 @@ class EpisodeFigures(BaseCallback):
             episode["clearance"] = min(episode["clearance"], info["tip_clearance_min"])
             for name, value in info["reward_terms"].items():
                 episode["terms"][name] = episode["terms"].get(name, 0.0) + value
-            if "episode" in info:
-                self._write(episode, info)
-                self._episodes[i] = _new_episode()
+            if "episode" not in info:
+                continue
+            figures = {
+                "episode/return": info["episode"]["r"],
+                "episode/length_s": info["time"],
+                "episode/mean_power_mw": 1e-6 * float(np.mean(episode["power"])),
+                "episode/rotor_speed_max": episode["speed"],
+                "episode/tip_clearance_min": episode["clearance"],
+                "episode/terminated": float("termination" in info),
+            } | {f"reward/{name}": value for name, value in episode["terms"].items()}
+            for name, value in figures.items():
+                self.logger.record_mean(name, value)
+            self._episodes[i] = _new_episode()
         return True
-
-    def _write(self, episode: dict[str, Any], info: dict[str, Any]) -> None:
-        """Hand an episode to the logger."""
-        figures = {
-            "episode/return": info["episode"]["r"],
-            "episode/length_s": info["time"],
-            "episode/mean_power_mw": 1e-6 * float(np.mean(episode["power"])),
-            "episode/rotor_speed_max": episode["speed"],
-            "episode/tip_clearance_min": episode["clearance"],
-            "episode/terminated": float("termination" in info),
-        } | {f"reward/{name}": value for name, value in episode["terms"].items()}
-        for name, value in figures.items():
-            self.logger.record_mean(name, value)
 
 
 def _new_episode() -> dict[str, Any]:
     return {"power": [], "speed": 0.0, "clearance": float("inf"), "terms": {}}
 
 
-class Checkpoints(BaseCallback):
-    """Saves by steps and by time, whichever comes first.
+class _AtMultiples(BaseCallback):
+    """Something at the first step at or beyond each multiple of a number of steps."""
 
-    Parameters
-    ----------
-    steps : int
-        Between two of them.
-    minutes : float
-        Wall time between two of them; 0: only steps count.
-    save : callable
-        Called without arguments.
-    """
-
-    def __init__(self, steps: int, minutes: float, save: Callable[[], None]):
+    def __init__(self, steps: int):
         super().__init__()
-        self._steps, self._seconds, self._save = steps, 60.0 * minutes, save
-        self._last_time = time.monotonic()
+        self._steps = steps
 
     def _on_training_start(self) -> None:
         self._next = self._steps * (self.num_timesteps // self._steps + 1)
+
+
+class Checkpoints(_AtMultiples):
+    """Saves by steps and by wall time, whichever comes first; with 0 minutes only steps count."""
+
+    def __init__(self, steps: int, minutes: float, save: Callable[[], None]):
+        super().__init__(steps)
+        self._seconds, self._save, self._last_time = 60.0 * minutes, save, time.monotonic()
 
     def _on_step(self) -> bool:
         by_time = self._seconds > 0.0 and time.monotonic() - self._last_time >= self._seconds
         if self.num_timesteps >= self._next or by_time:
             self._save()
             self._last_time = time.monotonic()
-            self._next = self._steps * (self.num_timesteps // self._steps + 1)
+            self._on_training_start()
         return True
 
 
-class Evaluations(BaseCallback):
-    """Evaluates the policy every so many steps, keeps the curve and the best model.
+class Evaluations(_AtMultiples):
+    """Evaluates the policy every so many steps, extends the curve and saves the best model.
 
     Parameters
     ----------
-    every : int
-        Steps.
     agent : callable
-        Gives the agent to evaluate.
-    curve : dict of list
-        Continued from what it holds.
+        Returns the agent to evaluate.
     save_best : callable
         Called without arguments where the return is the highest so far.
     report : callable, optional
-        Called with steps and figures; training stops where it gives False.
+        Called with steps and figures; training stops where it returns False.
     """
 
     def __init__(
@@ -361,29 +305,29 @@ class Evaluations(BaseCallback):
         save_best: Callable[[], None],
         report: Callable[[int, dict[str, Any]], bool] | None = None,
     ):
-        super().__init__()
-        self._every, self._evaluation, self._agent, self.curve = every, evaluation, agent, curve
+        super().__init__(every)
+        self._evaluation, self._agent, self.curve = evaluation, agent, curve
         self._save_best, self._report = save_best, report
 
-    @property
-    def best(self) -> dict[str, Any] | None:
-        """Steps and figures of the best model so far."""
-        if not self.curve["steps"]:
-            return None
-        row = int(np.argmax(self.curve["episode_return"]))
-        return {name: values[row] for name, values in self.curve.items()}
-
-    def _on_training_start(self) -> None:
-        self._next = self._every * (self.num_timesteps // self._every + 1)
+    def record(self) -> dict[str, Any]:
+        """Winds, figures of the baseline, curve, best model so far and wall time, as JSON values."""
+        row = int(np.argmax(self.curve["episode_return"])) if self.curve["steps"] else None
+        return {
+            "winds": [asdict(wind) for wind in self._evaluation.winds],
+            "baseline": self._evaluation.baseline,
+            "curve": self.curve,
+            "best": None if row is None else {name: values[row] for name, values in self.curve.items()},
+            "seconds": self._evaluation.seconds,
+        }
 
     def _on_step(self) -> bool:
         if self.num_timesteps < self._next:
             return True
-        self._next = self._every * (self.num_timesteps // self._every + 1)
+        self._on_training_start()
         return self.evaluate()
 
     def evaluate(self) -> bool:
-        """Evaluate now; whether training continues."""
+        """Evaluate now; return False where training stops."""
         figures = self._evaluation(self._agent())
         steps = int(self.model.num_timesteps)
         for name, value in {"steps": steps, **figures}.items():
@@ -391,7 +335,7 @@ class Evaluations(BaseCallback):
         for name, value in figures.items():
             if value is not None:
                 self.logger.record(f"evaluation/{name}", value)
-        if cast("dict[str, Any]", self.best)["steps"] == steps:
+        if np.argmax(self.curve["episode_return"]) == len(self.curve["steps"]) - 1:
             self._save_best()
         return self._report is None or self._report(steps, figures)
 

@@ -72,11 +72,9 @@ def record_dataset(
             played.append(_episode(env, agent, config.seed + k))
             if on_episode is not None:
                 on_episode(k + 1, sum(played[-1]["rewards"]))
-    except BaseException:
-        if played:  # what was recorded is kept
-            _write(config, folder, env, played, lowest)
-        raise
-    dataset = _write(config, folder, env, played, lowest)
+    finally:
+        if played:  # an interrupted recording keeps its episodes
+            dataset = _write(config, folder, env, played, lowest)
     env.close()
     return dataset
 
@@ -105,15 +103,13 @@ def _write(
 @contextmanager
 def _datasets_in(folder: Path) -> Iterator[None]:
     """Minari's root for a while, which it reads from the variables of the process."""
-    before = os.environ.get(_ROOT)
+    before = dict(os.environ)
     os.environ[_ROOT] = str(folder)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ[_ROOT]
-        else:
-            os.environ[_ROOT] = before
+        os.environ.pop(_ROOT)
+        os.environ.update(before)
 
 
 def _agent(config: DatasetConfig) -> tuple[str, dict[str, Any], Callable[[gym.Env], Agent]]:

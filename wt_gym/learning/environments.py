@@ -33,18 +33,17 @@ from wt_gym.experiment.environments import compile_kernels
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.learning.options import TrainingConfig
 
 __all__ = [
     "ALLOWED_SHARE", "MULTIPLIER_RATE", "START_METHOD", "BudgetUpdates", "BudgetedVecEnv", "TurbineVecEnv",
-    "allowed_costs", "budgeted_of", "make_training_env", "monitored", "normalized",
+    "allowed_costs", "make_training_env", "monitored", "normalized",
 ]  # fmt: skip
 
 
-class TurbineVecEnv(VecEnv):
+class TurbineVecEnv(DummyVecEnv):
     """`wt_gym.envs.vector_env.WindTurbineVectorEnv` behind the interface of stable-baselines3.
 
     Threads step the turbines. Infos are those of the single environments, with ``terminal_observation`` and
@@ -66,7 +65,8 @@ class TurbineVecEnv(VecEnv):
     def __init__(self, env_id: str, num_envs: int, **kwargs: Any):
         made = gym.make_vec(env_id, num_envs, "vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP, **kwargs)
         self.turbines = cast(WindTurbineVectorEnv, made)
-        super().__init__(num_envs, made.single_observation_space, made.single_action_space)
+        self.envs = list(self.turbines.envs)
+        VecEnv.__init__(self, num_envs, made.single_observation_space, made.single_action_space)
 
     def reset(self) -> np.ndarray:
         """Start episodes with the seeds and options that were set for it."""
@@ -79,13 +79,9 @@ class TurbineVecEnv(VecEnv):
         self.reset_infos = [info for _, info in results]
         return np.stack([observation for observation, _ in results])
 
-    def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions for `step_wait`."""
-        self._actions = actions
-
     def step_wait(self) -> VecEnvStepReturn:
         """Advance every turbine by a control step; where an episode ends the next begins."""
-        outcomes = self.turbines.step_each(self._actions)
+        outcomes = self.turbines.step_each(self.actions)
         infos = []
         for k, outcome in enumerate(outcomes):
             info = outcome.info
@@ -102,34 +98,6 @@ class TurbineVecEnv(VecEnv):
         """Release simulators and threads."""
         self.turbines.close()
 
-    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Attribute of the single environments."""
-        return [getattr(env, attr_name) for env in self._chosen(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of the single environments."""
-        for env in self._chosen(indices):
-            setattr(env, attr_name, value)
-
-    def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
-    ) -> list[Any]:
-        """Call a method of the single environments."""
-        return [getattr(env, method_name)(*method_args, **method_kwargs) for env in self._chosen(indices)]
-
-    def env_is_wrapped(
-        self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
-    ) -> list[bool]:
-        """Say that no wrapper stands around a single environment."""
-        return [False for _ in self._chosen(indices)]
-
-    def get_images(self) -> list[np.ndarray | None]:
-        """Pictures of the turbines."""
-        return list(self.turbines.render())
-
-    def _chosen(self, indices: VecEnvIndices) -> list[WindTurbineEnv]:
-        return [self.turbines.envs[k] for k in self._get_indices(indices)]
-
 
 ALLOWED_SHARE = 1e-3
 """Share of the steps beyond a limit that a budget allows; the pitch travel may use up its limit."""
@@ -138,13 +106,7 @@ MULTIPLIER_RATE = 0.05
 
 
 def allowed_costs(budgets: Mapping[str, float]) -> dict[str, float]:
-    """Mean cost of a step that each budget allows.
-
-    Parameters
-    ----------
-    budgets : mapping
-        Limits by name, as ``cost_limits`` of the environment.
-    """
+    """Mean cost of a step that each budget, a limit of ``cost_limits`` of the environment, allows."""
     return {name: 1.0 if name == PITCH_TRAVEL else ALLOWED_SHARE for name in budgets}
 
 
@@ -154,7 +116,7 @@ class BudgetedVecEnv(VecEnvWrapper):
     Parameters
     ----------
     venv : VecEnv
-        Whose infos have ``costs``.
+        Its infos have ``costs``.
     allowed : mapping
         Mean cost of a step that is allowed, by name; positive.
     rate : float
@@ -162,10 +124,8 @@ class BudgetedVecEnv(VecEnvWrapper):
 
     Attributes
     ----------
-    multipliers : dict of str to float
-        By name.
     spent : dict of str to float
-        Mean costs over what is allowed, in the last rollout.
+        Mean costs over the allowed ones, in the last rollout.
     """
 
     def __init__(self, venv: VecEnv, allowed: Mapping[str, float], rate: float = MULTIPLIER_RATE):
@@ -200,29 +160,19 @@ class BudgetedVecEnv(VecEnvWrapper):
 
 
 class BudgetUpdates(BaseCallback):
-    """Moves the multipliers after each rollout and keeps their course.
+    """Moves the multipliers after each rollout and stores their schedule.
 
     Parameters
     ----------
     before : mapping, optional
-        Record of an earlier session, which is continued.
-
-    Attributes
-    ----------
-    curve : dict of list
-        ``steps``, and multiplier and spent share of each budget.
-
-    Raises
-    ------
-    ValueError
-        If the record is damaged.
+        Record of an earlier session, which is continued; a `ValueError` where it is damaged.
     """
 
     def __init__(self, venv: BudgetedVecEnv, before: Mapping[str, Any] | None = None):
         super().__init__()
-        self._venv = venv
-        names = list(venv.multipliers)
-        self.curve: dict[str, list[Any]] = {"steps": []} | {key: [] for name in names for key in _keys(name)}
+        self._venv, names = venv, list(venv.multipliers)
+        kinds = ("multiplier", "spent")
+        self.curve: dict[str, list[Any]] = {"steps": []} | {f"{name}_{kind}": [] for name in names for kind in kinds}
         if before is None:
             return
         kept, curve = before.get("multipliers"), before.get("curve")
@@ -238,12 +188,14 @@ class BudgetUpdates(BaseCallback):
         self.curve = {name: list(values) for name, values in curve.items()}
 
     def record(self, budgets: Mapping[str, float]) -> dict[str, Any]:
-        """What a record keeps, as JSON values."""
-        venv = self._venv
+        """Content of a training's record, JSON values."""
         return {
-            "limits": dict(budgets), "allowed": allowed_costs(budgets), "multipliers": dict(venv.multipliers),
-            "spent": dict(venv.spent), "curve": self.curve,
-        }  # fmt: skip
+            "limits": dict(budgets),
+            "allowed": allowed_costs(budgets),
+            "multipliers": dict(self._venv.multipliers),
+            "spent": dict(self._venv.spent),
+            "curve": self.curve,
+        }
 
     def _on_step(self) -> bool:
         return True
@@ -251,24 +203,10 @@ class BudgetUpdates(BaseCallback):
     def _on_rollout_end(self) -> None:
         self._venv.update()
         self.curve["steps"].append(int(self.num_timesteps))
-        for name, multiplier in self._venv.multipliers.items():
-            for key, value in zip(_keys(name), (multiplier, self._venv.spent[name]), strict=True):
-                self.curve[key].append(value)
-                self.logger.record(f"budget/{key}", value)
-
-
-def _keys(name: str) -> tuple[str, str]:
-    return f"{name}_multiplier", f"{name}_spent"
-
-
-def budgeted_of(venv: VecEnv) -> BudgetedVecEnv | None:
-    """The budgeted environments within wrappers, None where there are none."""
-    inner: Any = venv
-    while isinstance(inner, VecEnvWrapper):
-        if isinstance(inner, BudgetedVecEnv):
-            return inner
-        inner = inner.venv
-    return None
+        for kind, values in (("multiplier", self._venv.multipliers), ("spent", self._venv.spent)):
+            for name, value in values.items():
+                self.curve[f"{name}_{kind}"].append(value)
+                self.logger.record(f"budget/{name}_{kind}", value)
 
 
 START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
@@ -299,9 +237,7 @@ def make_training_env(config: TrainingConfig) -> VecNormalize:
     else:
         compile_kernels(first)
         venv = SubprocVecEnv([monitored(config.env_id, config.env_kwargs)] * config.n_envs, start_method=START_METHOD)
-    if config.budgets:
-        venv = BudgetedVecEnv(venv, allowed_costs(config.budgets))
-    return normalized(venv, config)
+    return normalized(BudgetedVecEnv(venv, allowed_costs(config.budgets)) if config.budgets else venv, config)
 
 
 def normalized(venv: VecEnv, config: TrainingConfig) -> VecNormalize:

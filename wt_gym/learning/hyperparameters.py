@@ -6,7 +6,7 @@ that differs from it. A recipe is the recommended training of a task, a file of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,30 +19,21 @@ from wt_gym.base.files import shipped_folder
 from wt_gym.base.options import Options, option, option_record, options_of, word_value
 from wt_gym.tasks import TASKS
 
-__all__ = [
-    "ALGORITHMS", "OVER_ALL_COPIES", "check_hyperparameters", "hyperparameters_for", "of_each_copy",
-    "read_hyperparameters", "recipe_file", "recipe_names", "replaced",
-]  # fmt: skip
-
 _FOLDER, _RECIPES = shipped_folder() / "hyperparameters", shipped_folder() / "recipes"
 
 
-def _or_falling(low: float, high: float) -> str:
-    """Allowed values of a number that may be ``lin_<number>``: falling from it to zero over the training."""
-    return f"a number from {low:g} to {high:g}, or lin_<number> to let it fall to zero"
-
-
-def _falling(low: float, high: float) -> Callable[[float | str], float | str]:
-    """Check of such a number."""
+def _or_falling(meaning: str, low: float, high: float) -> Any:
+    """Number that may be ``lin_<number>``: falling from it to zero over the training."""
+    allowed = f"a number from {low:g} to {high:g}, or lin_<number> to let it fall to zero"
 
     def check(value: float | str) -> float | str:
         if isinstance(value, str):
             number = word_value(value.removeprefix("lin_")) if value.startswith("lin_") else None
             if not (isinstance(number, int | float) and low <= number <= high):
-                raise ValueError(f"must be {_or_falling(low, high)}, got {value!r}")
+                raise ValueError(f"must be {allowed}, got {value!r}")
         return value
 
-    return check
+    return option(meaning, default=None, low=low, high=high, check=check, allowed=allowed)
 
 
 def _layers(sizes: tuple[int, ...]) -> tuple[int, ...]:
@@ -61,9 +52,7 @@ class _Shared(Options):
 
     title = "hyperparameters"
 
-    learning_rate: float | str = option(
-        "learning rate", default=None, low=1e-8, high=1.0, check=_falling(1e-8, 1.0), allowed=_or_falling(1e-8, 1.0)
-    )
+    learning_rate: float | str = _or_falling("learning rate", 1e-8, 1.0)
     gamma: float = option("discount of rewards in a step", default=None, low=0.0, high=1.0)
     batch_size: int = option("samples of an update", default=None, low=2, high=1_000_000)
     log_std_init: float = option("first logarithm of the standard deviation of actions", default=None, low=-10, high=3)
@@ -83,10 +72,7 @@ class _Ppo(_Shared):
     n_steps: int = option("the same of each copy", default=None, low=2, high=1_000_000)
     n_epochs: int = option("passes over a rollout", default=None, low=1, high=1000)
     gae_lambda: float = option("factor of the generalized advantage estimate", default=None, low=0.0, high=1.0)
-    clip_range: float | str = option(
-        "range of the ratio of probabilities about 1", default=None, low=1e-6, high=10.0, check=_falling(1e-6, 10.0),
-        allowed=_or_falling(1e-6, 10.0),
-    )  # fmt: skip
+    clip_range: float | str = _or_falling("range of the ratio of probabilities about 1", 1e-6, 10.0)
     ent_coef: float = option("weight of the entropy", default=None, low=0.0, high=1e3)
     vf_coef: float = option("weight of the loss of values", default=None, low=0.0, high=1e3)
     max_grad_norm: float = option("greatest norm of the gradient", default=None, low=1e-6, high=1e6)
@@ -126,13 +112,7 @@ them for each copy. One replaces the other."""
 
 
 def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparameters") -> dict[str, Any]:
-    """Refuse hyperparameters that an algorithm does not have, or values out of range; return the others as they are.
-
-    Raises
-    ------
-    ValueError
-        Naming what was given and what is allowed.
-    """
+    """Refuse hyperparameters that an algorithm does not have, or values out of range; return the others as they are."""
     if algorithm not in ALGORITHMS:
         near = did_you_mean(algorithm, ALGORITHMS)
         raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}{near}")
@@ -152,14 +132,7 @@ def check_hyperparameters(algorithm: str, values: Any, where: str = "hyperparame
 
 
 def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[str, Any]:
-    """Hyperparameters of a file for an environment: its section on top of ``default``.
-
-    Raises
-    ------
-    FileNotFoundError
-    ValueError
-        If the file is not YAML, has a section that names no environment, or an entry that the algorithm does not take.
-    """
+    """Hyperparameters of a YAML file for an environment: its section on top of ``default``."""
     path = Path(path)
     try:
         table = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -181,22 +154,7 @@ def read_hyperparameters(path: str | Path, algorithm: str, env_id: str) -> dict[
 def hyperparameters_for(
     algorithm: str, env_id: str, file: str | Path | None = None, overrides: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Hyperparameters that training starts with.
-
-    Those that come with the package, replaced by those of a file, replaced by single ones.
-
-    Parameters
-    ----------
-    algorithm : str
-        Of `ALGORITHMS`.
-    file : str or path, optional
-    overrides : mapping, optional
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        See `read_hyperparameters`.
-    """
+    """Hyperparameters of a training: those of the package, replaced by those of a file, replaced by single ones."""
     overrides = check_hyperparameters(algorithm, overrides or {})
     values = read_hyperparameters(_FOLDER / f"{algorithm.lower()}.yml", algorithm, env_id)
     if file is not None:
@@ -212,15 +170,7 @@ def replaced(values: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[st
 
 
 def of_each_copy(values: Mapping[str, Any], n_envs: int) -> dict[str, Any]:
-    """Hyperparameters as stable-baselines3 has them: steps between updates are of each copy of the environment.
-
-    Parameters
-    ----------
-    values : mapping
-        Of `hyperparameters_for`.
-    n_envs : int
-        Copies.
-    """
+    """Hyperparameters as stable-baselines3 has them: steps between updates are of each copy of the environment."""
     given = dict(values)
     for over_all, each in OVER_ALL_COPIES.items():
         if over_all in given:
@@ -234,18 +184,7 @@ def recipe_names() -> tuple[str, ...]:
 
 
 def recipe_file(env_id: str) -> Path:
-    """File with the recipe of an environment.
-
-    Parameters
-    ----------
-    env_id : str
-        Id of a task.
-
-    Raises
-    ------
-    ValueError
-        If the id is that of no task with a recipe.
-    """
+    """File with the recipe of the id of a task."""
     tasks = {TASKS[name].id: name for name in recipe_names()}
     if env_id not in tasks:
         raise ValueError(

@@ -22,36 +22,15 @@ from scipy.signal import fftconvolve
 
 import wt_gym
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
+from wt_gym.analysis.results import Wind
 from wt_gym.analysis.statistics import relative_change
-from wt_gym.control.controllers import make_controller
-from wt_gym.control.controllers.linear_optimal import (
-    OUTPUTS,
-    LinearDesign,
-    PitchOffsets,
-    bin_means,
-    default_limits,
-    delay_bins,
-    offset_fade,
-    spread_over_bins,
-    without_lasting,
-)
+from wt_gym.control.controllers import linear_optimal, make_controller
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, LinearDesign, PitchOffsets, offset_fade
 from wt_gym.experiment.execute import SerialExecutor
 from wt_gym.experiment.run import benchmark_fingerprint
+from wt_gym.learning import recording
 from wt_gym.learning.options import FeedbackOptions, LinearDesignTask
-from wt_gym.learning.recording import (
-    LOADS,
-    POWER,
-    TOWER,
-    Recording,
-    RecordingStore,
-    amplitude_weights,
-    explained_share,
-    identify,
-    record,
-    respond,
-    to_blades,
-    without_slow,
-)
+from wt_gym.learning.recording import LOADS, POWER, TOWER, Recording, RecordingStore, respond, to_blades, without_slow
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
@@ -62,10 +41,6 @@ if TYPE_CHECKING:
     from wt_gym.experiment.execute import Executor
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "Forecast", "Plant", "change_of_power", "default_speeds", "design", "fit_feedback", "forecast", "forecast_change",
-    "identified_plant", "minimize_quadratic",
-]  # fmt: skip
 
 _MEAN_READS, _TILT_YAW_READS = (0, 3, 5), (1, 2, 4)
 """Places in `OUTPUTS` of what the mean offset, and tilt and yaw, answer."""
@@ -88,11 +63,6 @@ class Plant:
     """Time from an offset to the pitch [s]."""
     dt: float
     """[s]."""
-
-    @staticmethod
-    def lead_of(turbine: Turbine, dt: float) -> float:
-        """Time from an offset to the pitch of a turbine that is asked every ``dt`` [s]."""
-        return pitch_delay(turbine.pitch, dt)
 
     def pitch_azimuth(self, run: Recording) -> NDArray[np.float64]:
         """Azimuth (n,) at which offsets reach the blades in a recorded run [rad]."""
@@ -152,34 +122,28 @@ def minimize_quadratic(
     ridge: float = 0.0,
     linear: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Coefficients q that minimize the sum of ``|q rows + targets|^2`` over all pairs, plus ``linear q`` and a ridge.
+    """Coefficients q (n,) that minimize the sum of ``|q rows + targets|^2`` over pairs, plus ``linear q`` and a ridge.
 
-    Parameters
-    ----------
-    rows : sequence of (numpy.ndarray, shape (n, m), numpy.ndarray, shape (m,))
-        What each coefficient adds, and what is there without.
-    ridge : float
-        Over the diagonal of the normal equations.
-    linear : numpy.ndarray, shape (n,), optional
+    Rows (n, m) are the effects of the coefficients, targets (m,) the values without; the ridge is over the diagonal of
+    the normal equations.
     """
     gram = np.sum([added @ added.T for added, _ in rows], axis=0)
     right = -np.sum([added @ there for added, there in rows], axis=0)
     if linear is not None:
         right = right - 0.5 * linear
     regular = gram + np.diag(ridge * np.diag(gram) + 1e-12 * np.trace(gram) / len(gram))
-    solved: NDArray[np.float64] = np.linalg.solve(regular, right)
-    return solved
+    return np.asarray(np.linalg.solve(regular, right))
 
 
 def _features(run: Recording, plant: Plant, options: FeedbackOptions) -> tuple[NDArray[np.float64], ...]:
     """Features (n_features, n) of mean, tilt and yaw, in the share in which they may act."""
-    bins = delay_bins(options.longest, plant.dt)
+    bins = linear_optimal.delay_bins(options.longest, plant.dt)
     past = [
-        row if k in _LASTING else without_lasting(row, options.washout, plant.dt)
+        row if k in _LASTING else linear_optimal.without_lasting(row, options.washout, plant.dt)
         for k, row in enumerate(run.outputs[:, :-1] / plant.scale[:, None])
     ]
     mean, turning = (
-        run.share * np.concatenate([bin_means(past[k], bins) for k in reads])
+        run.share * np.concatenate([linear_optimal.bin_means(past[k], bins) for k in reads])
         for reads in (_MEAN_READS, _TILT_YAW_READS)
     )
     return mean, turning, turning
@@ -251,7 +215,7 @@ def _rows(
         start = run.steps + 1 - int(samples)
         before = np.array([damage_equivalent_load(row[start:], time, fatigue) for row in base])
         after = np.array([damage_equivalent_load(row[start:], time, fatigue) for row in there])
-        local = amplitude_weights(moved, 0.0 if first else exponent, window) * counts
+        local = recording.amplitude_weights(moved, 0.0 if first else exponent, window) * counts
         size = (local * moved**2).sum(1)
         factor = 0.5 * np.array(shares) * after / before / size
         return np.sqrt(factor[:, None] * local), still
@@ -269,41 +233,24 @@ def _rows(
     speed = np.sqrt(options.speed_weight * counts / samples) / turbine.drivetrain.rated_rotor_speed
     power = -weights.get("captured_power", 0.0) * options.power_weight * plant.power_curvature
     sizes = np.sqrt((np.array([options.mean_weight] + [options.tilt_yaw_weight] * 2) + power) / run.steps)
-    size = len(columns.speed)
-    added = np.concatenate([
-        (columns.flap * flap).reshape(size, -1),
-        (columns.tower * tower).reshape(size, -1),
-        columns.speed * speed,
-        (columns.rate * rate).reshape(size, -1),
-        (columns.offsets * sizes[:, None]).reshape(size, -1),
-    ], axis=1)  # fmt: skip
-    there = np.concatenate([
-        (flap * flap_there).ravel(),
-        (tower * tower_there).ravel(),
-        np.zeros(run.steps),
-        (rate * rate_there).ravel(),
-        np.zeros(3 * run.steps),
-    ])  # fmt: skip
-    return added, there
+    blocks = [
+        (columns.flap * flap, flap * flap_there),
+        (columns.tower * tower, tower * tower_there),
+        (columns.speed * speed, np.zeros(run.steps)),
+        (columns.rate * rate, rate * rate_there),
+        (columns.offsets * sizes[:, None], np.zeros(3 * run.steps)),
+    ]
+    added = np.concatenate([block.reshape(len(block), -1) for block, _ in blocks], axis=1)
+    return added, np.concatenate([target.ravel() for _, target in blocks])
 
 
 def fit_feedback(
-    runs: Sequence[Recording], plant: Plant, turbine: Turbine, options: FeedbackOptions | None = None
+    runs: Sequence[Recording], plant: Plant, turbine: Turbine, options: FeedbackOptions
 ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Fit a feedback to runs without offsets.
 
-    Parameters
-    ----------
-    options : FeedbackOptions, optional
-
-    Returns
-    -------
-    gains : numpy.ndarray, shape (3, 6, n_delays)
-        As of `wt_gym.control.controllers.linear_optimal.LinearDesign`.
-    offsets : list of numpy.ndarray, shape (3, n)
-        Of each run [rad], without limits.
+    Return gains (3, 6, n_delays) as of `LinearDesign`, and the offsets (3, n) of each run [rad], without limits.
     """
-    options = options or FeedbackOptions()
     features = [_features(run, plant, options) for run in runs]
     columns = [_columns(run, plant, options) for run in runs]
     parts = np.cumsum([len(own) for own in features[0]])[:-1]
@@ -318,16 +265,18 @@ def fit_feedback(
         found = minimize_quadratic(rows, options.ridge, -power * np.sum([own.power for own in columns], axis=0))
         of_each = np.split(found, parts)
         offsets = [np.stack([c @ f for c, f in zip(of_each, own, strict=True)]) for own in features]
-    bins = delay_bins(options.longest, plant.dt)
+    bins = linear_optimal.delay_bins(options.longest, plant.dt)
     gains = np.zeros((3, len(OUTPUTS), bins[-1][1]))
     for j, (reads, own) in enumerate(
         zip((_MEAN_READS, _TILT_YAW_READS, _TILT_YAW_READS), np.split(found, parts), strict=True)
     ):
         for k, part in zip(reads, np.split(own, len(reads)), strict=True):
-            gains[j, k] = spread_over_bins(part, bins)
+            gains[j, k] = linear_optimal.spread_over_bins(part, bins)
     return gains, offsets
 
 
+_SPEED_RATIOS = (1.05, 1.32, 1.58)
+"""Winds of the designs over the rated one [-]."""
 _LEAST_EXPLAINED = 0.3
 """Share of the changes of power in an unseen run that a linear model must explain to be used [-]."""
 _DOUBLINGS = 5
@@ -340,10 +289,6 @@ def default_speeds(turbine: Turbine) -> tuple[float, ...]:
     """Winds of a design: about rated and above, rounded to half a meter a second."""
     found = dict.fromkeys(round(2.0 * ratio * turbine.rated_wind_speed) / 2.0 for ratio in _SPEED_RATIOS)
     return tuple(speed for speed in found if speed <= turbine.cut_out)
-
-
-_SPEED_RATIOS = (1.05, 1.32, 1.58)
-"""Winds of the designs over the rated one [-]."""
 
 
 def definition(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, bool]) -> dict[str, Any]:
@@ -366,28 +311,23 @@ def _make(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, bool]
     speed, seed, excited = run
     offsets = PitchOffsets(turbine, task.limit, task.rate_limit, offset_fade(task.fade, task.fine_speed))
     drawn = (task.excitation, _EXCITATION_SEED + seed) if excited else None
-    return record(turbine, task.base, speed, seed, task.duration, offsets, drawn, task.fidelity)
+    return recording.record(turbine, task.base, Wind(speed, seed), task.duration, offsets, drawn, task.fidelity)
 
 
 def change_of_power(
     changes: Sequence[NDArray[np.float64]], modeled: Sequence[NDArray[np.float64]],
     offsets: Sequence[NDArray[np.float64]], power: float,
 ) -> float:  # fmt: skip
-    """Share of power that offsets take by the mean of their square [1/rad^2]: what a linear model does not explain.
+    """Share of power that offsets take by the mean of their square [1/rad^2], not negative: the rest of a linear model.
 
     Parameters
     ----------
     changes, modeled : sequence of numpy.ndarray, shape (n + 1,)
-        Change of power in each excited run, and what the linear model says [W].
+        Change of power in each excited run, and that of the linear model [W].
     offsets : sequence of numpy.ndarray, shape (3, n)
         [rad].
     power : float
         Mean without offsets [W].
-
-    Returns
-    -------
-    float
-        Zero where offsets do not take any.
     """
     lost = sum(float((model - change).mean()) for change, model in zip(changes, modeled, strict=True))
     squares = sum(float((given**2).sum(0).mean()) for given in offsets)
@@ -415,9 +355,9 @@ def identified_plant(
         np.concatenate([run.outputs - twin.outputs, run.loads - twin.loads])
         for run, twin in zip(excited, still, strict=False)
     ]
-    trial = identify(inputs[:-1], changes[:-1], taps, task.ridge, task.decay)
-    explained = explained_share(trial, inputs[-1:], changes[-1:])
-    responses = identify(inputs, changes, taps, task.ridge, task.decay)
+    trial = recording.identify(inputs[:-1], changes[:-1], taps, task.ridge, task.decay)
+    explained = recording.explained_share(trial, inputs[-1:], changes[-1:])
+    responses = recording.identify(inputs, changes, taps, task.ridge, task.decay)
     skip = round(task.feedback.skip / dt)
     power = len(OUTPUTS) + LOADS.index("power")
     if explained[power] < _LEAST_EXPLAINED:
@@ -429,7 +369,7 @@ def identified_plant(
         float(np.mean([run.loads[LOADS.index("power")].mean() for run in still])),
     )
     scale = np.mean([run.outputs[:, skip:].std(1) for run in still], axis=0)
-    return Plant(responses, scale, curvature, Plant.lead_of(turbine, dt), dt), explained
+    return Plant(responses, scale, curvature, pitch_delay(turbine.pitch, dt), dt), explained
 
 
 def design(
@@ -439,14 +379,12 @@ def design(
     executor: Executor | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> LinearDesign:
-    """Make a design.
+    """Make a design, by default at `default_speeds`, within `default_limits`.
 
     Parameters
     ----------
-    task : LinearDesignTask, optional
-        By default at `default_speeds`, within `default_limits`.
     store : RecordingStore, optional
-        Keeps recordings; what is there is not made again.
+        Its recordings are not made again.
     executor : Executor, optional
         Of `wt_gym.experiment.execute`, entered: does the runs.
     progress : callable, optional
@@ -460,22 +398,18 @@ def design(
         If a run fails.
     """
     if task is None:
-        limit, rate_limit = default_limits(turbine)
+        limit, rate_limit = linear_optimal.default_limits(turbine)
         task = LinearDesignTask(default_speeds(turbine), limit=limit, rate_limit=rate_limit)
     executor = SerialExecutor() if executor is None else executor
     make_controller(task.base, turbine)  # refuses a name before anything runs
     say = progress or (lambda _: None)
-    found: dict[tuple[float, int, bool], Recording] = {}
-    if store is not None:
-        for run in task.runs:
-            if (kept := store.find(definition(task, turbine, run))) is not None:
-                found[run] = kept
+    store = store or RecordingStore(None, Recording)
+    definitions = {run: definition(task, turbine, run) for run in task.runs}
+    found = {task.runs[k]: run for k, run in store.find_all(list(definitions.values())).items()}
     left = [run for run in task.runs if run not in found]
     for run, made in executor.results(partial(_make, task, turbine), left):
-        key = (run[0], run[1], run[2])
-        found[key] = made
-        if store is not None:
-            store.keep(definition(task, turbine, key), made)
+        found[run] = made
+        store.keep(definitions[run], made)
         how = "with drawn offsets" if run[2] else "without offsets"
         say(f"run {len(found)} of {len(task.runs)}: {run[0]:g} m/s, seed {run[1]}, {how}")
     parts = [_at_speed(task, turbine, speed, found, say) for speed in task.speeds]
@@ -505,10 +439,6 @@ def design(
     )
 
 
-def _mean_change(now: Sequence[dict[str, float]], before: Sequence[dict[str, float]], key: str) -> float:
-    return float(np.mean([relative_change(a[key], b[key]) for a, b in zip(now, before, strict=True)]))
-
-
 def _at_speed(
     task: LinearDesignTask,
     turbine: Turbine,
@@ -531,7 +461,8 @@ def _at_speed(
         options = replace(task.feedback, power_weight=task.feedback.power_weight * 2.0**doubled)
         gains, offsets = fit_feedback(still, plant, turbine, options)
         now = [forecast(r, plant, u).metrics(r.dt, full, skip) for r, u in zip(still, offsets, strict=True)]
-        changes = {key: _mean_change(now, before, key) for key in now[0]}
+        pairs = list(zip(now, before, strict=True))
+        changes = {key: float(np.mean([relative_change(a[key], b[key]) for a, b in pairs])) for key in now[0]}
         if changes["captured_power"] >= task.least_power or options.power_weight == 0.0:
             break
     else:
@@ -540,7 +471,7 @@ def _at_speed(
             f"{100.0 * changes['captured_power']:+.2f} % with {2**_DOUBLINGS} times the cost of power; lower "
             "least_power, or let offsets act less at fine pitch (fade, fine_speed)"
         )
-    cost = float(np.mean([forecast_change(a, b, task.feedback.weights) for a, b in zip(now, before, strict=True)]))
+    cost = float(np.mean([forecast_change(a, b, task.feedback.weights) for a, b in pairs]))
     shares = dict(zip((*OUTPUTS, *LOADS), np.round(explained, 4).tolist(), strict=True))
     say(
         f"{speed:g} m/s: explained {', '.join(f'{name} {share:.2f}' for name, share in shares.items())}; forecast "

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from wt_gym.experiment.run_folder import RunFolder
     from wt_gym.learning.options import TrainingConfig
 
-__all__ = ["ArrayPPO", "load_model", "make_model", "save_model", "save_replay_buffer"]
-
 
 class ArrayPPO(PPO):
     """`stable_baselines3.PPO`: the same algorithm, random numbers, figures and model files, in less time.
@@ -75,13 +73,9 @@ class ArrayPPO(PPO):
             for k in np.flatnonzero(dones):
                 if infos[k].get("TimeLimit.truncated"):  # the episode would have continued
                     rewards[k] += self.gamma * arrays.values(infos[k]["terminal_observation"][None])[0]
-            buffer.observations[n_steps], buffer.actions[n_steps], buffer.rewards[n_steps] = (
-                observations,
-                actions,
-                rewards,
-            )
-            buffer.values[n_steps], buffer.log_probs[n_steps] = values, log_probs
-            buffer.episode_starts[n_steps] = self._last_episode_starts
+            buffer.observations[n_steps], buffer.actions[n_steps] = observations, actions
+            buffer.rewards[n_steps], buffer.values[n_steps] = rewards, values
+            buffer.log_probs[n_steps], buffer.episode_starts[n_steps] = log_probs, self._last_episode_starts
             self._last_obs, self._last_episode_starts = cast(np.ndarray, new_obs), dones
         buffer.pos, buffer.full = n_rollout_steps, n_rollout_steps == buffer.buffer_size
         last_values = arrays.values(cast(np.ndarray, self._last_obs))
@@ -126,19 +120,9 @@ def _represents(policy: Any, optimizer: torch.optim.Optimizer) -> bool:
 
 
 class _Update:
-    """Steps of Adam on the loss of PPO.
+    """Steps of Adam on the loss of PPO, with figures of every minibatch and the loss of the last one.
 
-    Parameters
-    ----------
-    clip : float
-        Range of the ratio of probabilities about 1.
-
-    Attributes
-    ----------
-    figures : dict of list
-        Of every minibatch.
-    loss : float
-        Of the last one.
+    ``clip`` is the range of the ratio of probabilities about 1.
     """
 
     def __init__(self, model: ArrayPPO, clip: float):
@@ -151,11 +135,8 @@ class _Update:
         state = self._optimizer.state
         for p in policy.parameters():
             if not state[p]:  # as Adam begins
-                state[p] |= {
-                    "step": torch.tensor(0.0),
-                    "exp_avg": torch.zeros_like(p),
-                    "exp_avg_sq": torch.zeros_like(p),
-                }
+                means = {name: torch.zeros_like(p) for name in ("exp_avg", "exp_avg_sq")}
+                state[p] |= {"step": torch.tensor(0.0), **means}
         self._parameters.read(lambda p: p)
         self._mean.read(lambda p: state[p]["exp_avg"])
         self._square.read(lambda p: state[p]["exp_avg_sq"])
@@ -222,13 +203,7 @@ _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.EL
 
 
 def make_model(config: TrainingConfig, venv: VecNormalize) -> BaseAlgorithm:
-    """Fresh model of a configuration.
-
-    Raises
-    ------
-    ValueError
-        If the hyperparameters do not go together.
-    """
+    """Fresh model of a configuration; a ValueError where the hyperparameters do not go together."""
     chosen = of_each_copy(config.resolved, venv.num_envs)
     values = {name: _value(entry) for name, entry in chosen.items() if name not in _OF_THE_ENVIRONMENT}
     policy = {name: values.pop(name) for name in _OF_THE_POLICY if name in values}
@@ -262,23 +237,11 @@ def save_replay_buffer(model: BaseAlgorithm, path: Path) -> None:
 
 
 def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, buffered: bool = True) -> BaseAlgorithm:
-    """Model as a training left it, with statistics, optimizer and replay buffer, to resume it.
+    """Model as a training left it, with statistics, optimizer and, where ``buffered``, replay buffer, to resume it.
 
-    The environments are seeded by training seed and steps, so that they do not repeat their first episodes.
-
-    Parameters
-    ----------
-    venv : VecNormalize
-        Gets the statistics of the folder.
-    buffered : bool
-        Whether the replay buffer belongs to the model.
-
-    Raises
-    ------
-    FileNotFoundError
-        If something is missing.
-    ValueError
-        If something is damaged, or does not fit the environment.
+    The environments get the statistics, and seeds by training seed and steps, so that they do not repeat their first
+    episodes. Errors: a `FileNotFoundError` for a missing file, a `ValueError` for a damaged one or one that does not
+    fit the environment.
     """
     # of its own training
     agent = TrainedAgent.load(folder.model, config.algorithm, trust=True, classes=_LEARNING_CLASSES)
@@ -292,22 +255,22 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, bu
     except (AssertionError, ValueError) as error:
         raise ValueError(f"the model in {folder.path} does not fit the environment: {error}") from error
     if buffered and isinstance(model, OffPolicyAlgorithm):
-        model.replay_buffer = _read_replay_buffer(folder.buffer, venv.num_envs)
+        model.replay_buffer = buffer = read_replay_buffer(folder.buffer)
+        if not isinstance(buffer, ReplayBuffer) or buffer.n_envs != venv.num_envs:
+            raise ValueError(
+                f"{folder.buffer} must hold a replay buffer for {venv.num_envs} environments, got "
+                f"{getattr(buffer, 'n_envs', buffer)!r:.80}"
+            )
     model.set_random_seed(int(np.random.SeedSequence((config.seed, model.num_timesteps)).generate_state(1)[0] >> 1))
     return model
 
 
-def _read_replay_buffer(path: Path, n_envs: int) -> ReplayBuffer:
-    """Replay buffer of an earlier session."""
+def read_replay_buffer(path: Path) -> Any:
+    """Replay buffer of an earlier session, pickled as every model here."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} is missing: resuming a training requires its replay buffer")
     try:
         with path.open("rb") as file:
-            buffer = pickle.load(file)
+            return pickle.load(file)
     except DAMAGE as error:
         raise ValueError(f"the replay buffer {path} is damaged: {type(error).__name__}: {error}") from error
-    if not isinstance(buffer, ReplayBuffer) or buffer.n_envs != n_envs:
-        raise ValueError(
-            f"{path} must hold a replay buffer for {n_envs} environments, got {getattr(buffer, 'n_envs', buffer)!r:.80}"
-        )
-    return buffer

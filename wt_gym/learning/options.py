@@ -97,6 +97,7 @@ class TrainingConfig(Options):
     def check(self) -> None:
         """Put budgets and pretraining into the arguments of the environment; refuse what does not go together."""
         from wt_gym.envs.options import with_whole_paths
+        from wt_gym.envs.terminations import PITCH_TRAVEL
 
         if self.pretraining is None and not self.total_steps:
             raise ValueError("total_steps must be at least 1 without a pretraining, got 0")
@@ -105,6 +106,12 @@ class TrainingConfig(Options):
         for name in ("budgets", "pretraining"):
             if getattr(self, name) is not None and self.algorithm != "PPO":
                 raise ValueError(f"{name} must be left out except with the algorithm PPO, got {self.algorithm!r}")
+        others = sorted(set(self.budgets or {}) - {PITCH_TRAVEL})  # a pretraining forecasts the travel of its offsets
+        if self.pretraining is not None and not self.total_steps and others:
+            raise ValueError(
+                f"a pretraining alone keeps a budget of {PITCH_TRAVEL}, and PPO after it the others: give steps, or "
+                f"leave out {', '.join(others)}"
+            )
         if self.budgets is not None:
             limits = self.env_kwargs.get("cost_limits", self.budgets)
             if limits != self.budgets:
@@ -135,13 +142,7 @@ class TrainingConfig(Options):
         return replace(self, **{name: value for name, value in limits.items() if value is not None})
 
     def continues(self, record: Any) -> bool:
-        """Whether this is the training of a record's configuration, except for seed and limits.
-
-        Parameters
-        ----------
-        record : Any
-            Fields by name; anything else is another training.
-        """
+        """Return True for the training of a record's configuration, except for seed and limits."""
         free = dict.fromkeys(("seed", "total_steps", "max_seconds"))
         try:
             configs = (self.with_hyperparameters(), TrainingConfig.from_dict(record).with_hyperparameters())
@@ -223,13 +224,7 @@ class PretrainingOptions(Options):
 
 
 def _checked_condition(given: Any, skip: float) -> dict[str, Any]:
-    """A condition, as arguments by their flat names.
-
-    Raises
-    ------
-    ValueError
-        If it is not a mapping, or has arguments that no condition has.
-    """
+    """Arguments of a condition by their flat names."""
     from wt_gym.envs.options import flat_arguments
     from wt_gym.envs.variation import STRUCTURAL
 
@@ -264,18 +259,8 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
 
     The agent acts by offsets of the pitch alone on the linear optimal controller, which takes the place of the
     turbine's own where the id has additions to that; it sees what no action changes, and fades as the controller does.
-    Its offsets are within what the pitch drives of the turbine can do.
-
-    Parameters
-    ----------
-    env_kwargs : mapping
-        What is given.
-
-    Raises
-    ------
-    ValueError
-        If the actions of the id do not move the pitch, or its base controller is without the turbine's own, which the
-        linear optimal controller could replace.
+    Its offsets are within the abilities of the pitch drives of the turbine. A ValueError where the actions of the id do
+    not move the pitch, or its base controller is without the turbine's own, which the linear optimal one could replace.
     """
     from wt_gym.control.controllers.linear_optimal import default_limits
     from wt_gym.control.controllers.names import BASELINE, parse_name
@@ -397,8 +382,8 @@ class LinearDesignTask(Options):
     excited: int = option("seeds, the first ones, that are run with drawn offsets too", default=3, low=2)
     duration: float = option("length of a run", default=300.0, unit="s", low=0)
     base: str = option("base controller", default="side_side_damper")
-    limit: float = option("largest offset", default=math.radians(4.0), unit="rad")
-    rate_limit: float = option("largest rate of offsets", default=math.radians(3.0), unit="rad/s")
+    limit: float = option("largest offset", default=math.radians(4.0), unit="rad", low=0)
+    rate_limit: float = option("largest rate of offsets", default=math.radians(3.0), unit="rad/s", low=0, above=True)
     fade: float = option(
         "collective pitch above fine pitch from which on offsets act in full", default=math.radians(3.0), unit="rad"
     )

@@ -29,21 +29,9 @@ from wt_gym.experiment.execute import clock
 from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.experiment.store import described
 from wt_gym.experiment.trained_agent import TrainedAgent
+from wt_gym.learning import pretraining_episodes
 from wt_gym.learning.options import Excitation
-from wt_gym.learning.pretraining_episodes import (
-    OUTPUTS,
-    EpisodeJob,
-    Limits,
-    LinearizedEpisode,
-    Plants,
-    PlayedActions,
-    RecordedEpisode,
-    check_environment,
-    load_metrics,
-    plant_outputs,
-    record_episode,
-    tensor,
-)
+from wt_gym.learning.pretraining_episodes import Actor, EpisodeJob, LinearizedEpisode, Plants, RecordedEpisode
 from wt_gym.learning.recording import RecordingStore, explained_share, identify
 
 if TYPE_CHECKING:
@@ -55,11 +43,9 @@ if TYPE_CHECKING:
 
     from wt_gym.deployment.export.policy import Network
     from wt_gym.envs.dial import DialTerm
-    from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.experiment.execute import Executor
     from wt_gym.learning.options import PretrainingOptions
 
-__all__ = ["FRONT_SETTINGS", "Round", "forecast_front", "pretrain"]
 
 FRONT_SETTINGS: dict[str, dict[str, float]] = {
     "equal": {}, "fatigue": {"fatigue": 4.0}, "power": {"power": 4.0}, "travel": {"travel": 4.0},
@@ -84,7 +70,7 @@ _untrained: dict[tuple[Any, ...], tuple[Any, list[RecordedEpisode]]] = {}
 
 @dataclass(frozen=True)
 class Round:
-    """What a round found."""
+    """Result of a round."""
 
     recorded: float
     """Mean lifetime cost of the recorded policy less that of the published controller, in the held-out winds."""
@@ -102,6 +88,20 @@ class Round:
     """Of the budget of travel at the end of the optimization: price of a whole budget in the cost that is followed."""
     seconds: float = 0.0
     """Of recording and optimization."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How a pretraining runs."""
+
+    executor: Executor
+    """Entered."""
+    progress: Callable[[str], None] = lambda _: None
+    """Called with lines."""
+    check: Callable[[], None] = lambda: None
+    """Called after every episode and every step of the optimizer; an exception of it ends the pretraining."""
+    recordings: Path | None = None
+    """Folder that keeps each recorded episode as soon as it is done: what is there is not recorded again."""
 
 
 @dataclass(frozen=True)
@@ -132,11 +132,11 @@ class _Budget:
     _share: float = 1.0
 
     def lagrangian(self, cost: torch.Tensor, travel: torch.Tensor) -> torch.Tensor:
-        """What the optimizer makes small; as large a gradient whatever the multiplier."""
+        """Objective of the optimizer; its gradient keeps its size whatever the multiplier."""
         return (cost + self.multiplier * travel / self.limit) / (1.0 + self.multiplier)
 
     def update(self, travel: float) -> None:
-        """Move the multiplier by what a batch has traveled [rad/s]."""
+        """Move the multiplier by the travel of a batch [rad/s]."""
         self._share += _MEAN_OF_BATCHES * (travel / (_AIM * self.limit) - self._share)
         beyond = (self._share - 1.0) / (self._share + 1.0)
         self._sum = max(0.0, self._sum + _SUMMED * beyond)
@@ -146,8 +146,8 @@ class _Budget:
         """Travel beyond the limit [rad/s]."""
         return max(travel - self.limit, 0.0)
 
-    def overdrawn(self, actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> float:
-        """What a policy travels beyond the limit in episodes [rad/s]; nothing is computed without a limit."""
+    def overdrawn(self, actor: Actor, episodes: Sequence[LinearizedEpisode]) -> float:
+        """Travel of a policy beyond the limit in episodes [rad/s]; nothing is computed without a limit."""
         return self.beyond(_travel(actor, episodes)) if math.isfinite(self.limit) else 0.0
 
 
@@ -169,35 +169,24 @@ def pretrain(
     env_id: str,
     env_kwargs: dict[str, Any],
     options: PretrainingOptions,
-    executor: Executor,
+    execution: Execution,
     seed: int = 0,
-    progress: Callable[[str], None] | None = None,
-    check: Callable[[], None] | None = None,
     travel_limit: float | None = None,
-    recordings: Path | None = None,
 ) -> dict[str, Any]:
     """Change the actor of a model until it costs least.
 
     Parameters
     ----------
-    model : PPO or A2C
+    model : PPO
         Fresh; its last layer is set to zero first, so that it begins as the base controller alone.
     env_kwargs : dict
         JSON values.
-    executor : Executor
-        Entered.
     seed : int
         Of the order of episodes and of the noise.
-    progress : callable, optional
-        Called with lines.
-    check : callable, optional
-        Called after every episode and every step of the optimizer; what it raises ends the pretraining.
     travel_limit : float, optional
         Pitch travel that the policy may have, mean of the blades and of all episodes, whatever their condition or dial
         [rad/day]. A Lagrangian multiplier holds it. The cheapest of ten points of the optimization within the limit is
         kept, or without one that nearest to it.
-    recordings : path, optional
-        Folder that keeps each recorded episode as soon as it is done: what is there is not recorded again.
 
     Returns
     -------
@@ -207,27 +196,13 @@ def pretrain(
     Raises
     ------
     ValueError
-        If the environment or the model is of a kind that cannot be pretrained.
+        If the environment is of a kind that cannot be pretrained on.
     wt_gym.base.errors.SimulationError
         If an episode ends early.
     """
-    say = progress or (lambda _: None)
-    env = gym.make(env_id, **env_kwargs)
-    plain = turbine_env_of(env)
-    check_environment(plain)
     policy: Any = model.policy
-    if not (hasattr(policy, "mlp_extractor") and hasattr(policy, "action_net")):
-        raise ValueError(f"pretraining needs a model of PPO or A2C, got {type(model).__name__}")
-    speeds = plain.wind.speeds
-    if speeds is None:
-        raise ValueError("pretraining needs winds with a mean speed: wind_speed=(low, high)")
-
-    def actor(observations: torch.Tensor) -> torch.Tensor:
-        actions: torch.Tensor = policy.action_net(policy.mlp_extractor.forward_actor(observations))
-        return actions
-
-    check = check or (lambda: None)
-    work = _Work(env_id, env_kwargs, plain, options, executor, speeds, say, check, recordings)
+    work, actor, say = _Work(env_id, env_kwargs, options, execution), _actor(policy), execution.progress
+    plain = work.env
     names, dials = plain.layout.observation.names, dial_of(plain)
     dial_at = [] if dials is None else [names.index(f"dial_{name}") for name in DIAL_NAMES]
     with torch.no_grad():
@@ -237,9 +212,12 @@ def pretrain(
             # few of many inputs: as strong together as the others, so that they bend the policy from the start
             size = math.sqrt((len(names) - len(dial_at)) / len(dial_at))
             policy.mlp_extractor.policy_net[0].weight[:, dial_at] *= size
-    (identified, baselines), first = _before_any_policy(work, env_id, env_kwargs, options)
-    high = plain.operation.action.pitch_high
-    limits = Limits(float(high[0]), float(high[1]), plain.options.controller.residual_washout)
+    (identified, baselines), first = work.before_any_policy()
+    high, drives = plain.operation.action.pitch_high, plain.turbine.pitch
+    limits = pretraining_episodes.Limits(
+        float(high[0]), float(high[1]), plain.options.controller.residual_washout, drives.max_rate,
+        plain.turbine.drivetrain.rated_power, options.skip, tuple(dial_at),
+    )  # fmt: skip
     budget = _Budget(math.inf if travel_limit is None else travel_limit / DAY)
     torch.manual_seed(seed)
     rng, rounds = np.random.default_rng(seed), []
@@ -250,14 +228,11 @@ def pretrain(
             agent = _Deployed(network_of(TrainedAgent(model, None, {}), plain.layout))
             recorded = work.recorded(agent, number)
         made = [
-            LinearizedEpisode(
-                one, actor, of.plants, limits, _between(baselines, one.speed), plain.turbine.pitch.max_rate,
-                plain.turbine.drivetrain.rated_power, options.skip, dial_at, of.seen,
-            )
+            LinearizedEpisode(one, actor, of.plants, limits, _between(baselines, one.speed), of.seen)
             for one, of in zip(recorded, work.in_turns(identified), strict=True)
-        ]  # fmt: skip
+        ]
         before = _costs(actor, made[: options.held_out])
-        found = _optimized(actor, policy, made, options, rng, say, check, budget, dials)
+        found = _optimized(policy, made, options, rng, execution, budget, dials)
         after = _costs(actor, made[: options.held_out])
         several = len(options.conditions)
         of_each = [(float(np.mean(before[c::several])), float(np.mean(after[c::several]))) for c in range(several)]
@@ -271,7 +246,7 @@ def pretrain(
             f"round {number + 1} of {options.rounds}: held-out winds {100 * rounds[-1].recorded:+.2f} % of the cost as "
             f"recorded, {100 * rounds[-1].forecast:+.2f} % forecast"
         )
-    env.close()
+    plain.close()
     if rounds and budget.beyond(rounds[-1].travel / DAY) > 0.0:
         say(
             f"the budget of {travel_limit:g} rad/d is not kept: the policy nearest to it is forecast to travel "
@@ -289,23 +264,14 @@ def pretrain(
 
 
 def forecast_front(
-    actor: Callable[[torch.Tensor], torch.Tensor],
+    actor: Actor,
     held_out: Sequence[LinearizedEpisode],
     settings: Mapping[str, Mapping[str, float]] | None,
 ) -> dict[str, list[float]]:
-    """Parts of the lifetime cost that a policy is forecast to have, less those of the base controller alone.
+    """Forecast of the parts of the lifetime cost under a policy, less those of the base controller alone.
 
-    Parameters
-    ----------
-    actor : callable
-        Actions of observations.
-    settings : mapping of str to mapping, optional
-        Factors of the dial by name of a setting; None: those of the recordings, called "own".
-
-    Returns
-    -------
-    dict of list
-        Fatigue, power and travel by setting, means over the episodes.
+    Fatigue, power and travel by setting, means over the episodes. Settings are factors of the dial by name; None:
+    those of the recordings, called "own".
     """
     alone = np.eye(len(DIAL_NAMES)).tolist()
 
@@ -324,16 +290,9 @@ def forecast_front(
     return {name: [float(f"{value:.4g}") for value in values] for name, values in found.items()}
 
 
-def _before_any_policy(
-    work: _Work, env_id: str, env_kwargs: dict[str, Any], options: PretrainingOptions
-) -> tuple[Any, list[RecordedEpisode]]:
-    """Plants, and episodes under the base controller alone."""
-    told = {name: value for name, value in env_kwargs.items() if not name.startswith(("dial_", "cost_limits"))}
-    key = (env_id, json.dumps(told, sort_keys=True), json.dumps(asdict(options), sort_keys=True))
-    if key not in _untrained:
-        _untrained.clear()
-        _untrained[key] = work.identified(), work.recorded(None, 0)
-    return _untrained[key]
+def _actor(policy: Any) -> Actor:
+    """Mean actions of observations."""
+    return lambda observations: policy.action_net(policy.mlp_extractor.policy_net(observations))
 
 
 def _between(values: dict[float, dict[str, float]], speed: float) -> dict[str, float]:
@@ -346,38 +305,36 @@ class _Work:
     """Recordings of a pretraining."""
 
     def __init__(
-        self,
-        env_id: str,
-        env_kwargs: dict[str, Any],
-        plain: WindTurbineEnv,
-        options: PretrainingOptions,
-        executor: Executor,
-        speeds: tuple[float, float],
-        say: Callable[[str], None],
-        check: Callable[[], None],
-        recordings: Path | None = None,
+        self, env_id: str, env_kwargs: dict[str, Any], options: PretrainingOptions, execution: Execution
     ) -> None:
-        self._check = check
-        self._store = None if recordings is None else RecordingStore(recordings, RecordedEpisode)
-        self._id, self._arguments, self._env = env_id, json.dumps(env_kwargs), plain
-        self._options, self._executor, self._speeds, self._say = options, executor, speeds, say
+        self.env, self._options, self._execution = turbine_env_of(gym.make(env_id, **env_kwargs)), options, execution
+        pretraining_episodes.check_environment(self.env)
+        if self.env.wind.speeds is None:
+            raise ValueError("pretraining needs winds with a mean speed: wind_speed=(low, high)")
+        self._speeds, self._say = self.env.wind.speeds, execution.progress
+        self._id, self._arguments = env_id, env_kwargs
+        self._store = RecordingStore(execution.recordings, RecordedEpisode)
+
+    def before_any_policy(self) -> tuple[Any, list[RecordedEpisode]]:
+        """Plants, and episodes under the base controller alone."""
+        told = {name: v for name, v in self._arguments.items() if not name.startswith(("dial_", "cost_limits"))}
+        key = (self._id, json.dumps(told, sort_keys=True), json.dumps(asdict(self._options), sort_keys=True))
+        if key not in _untrained:
+            _untrained.clear()
+            _untrained[key] = self.identified(), self.recorded(None, 0)
+        return _untrained[key]
 
     def _record(self, jobs: Sequence[EpisodeJob], what: str) -> list[RecordedEpisode]:
         """Episodes of jobs, in their order; those of a condition run one after the other, with one environment."""
-        store = self._store
-        definitions = [self._definition(job) for job in jobs] if store is not None else []
-        found: dict[int, RecordedEpisode] = {}
-        if store is not None:
-            there = {k: store.find(definition) for k, definition in enumerate(definitions)}
-            found = {k: episode for k, episode in there.items() if episode is not None}
+        definitions = [self._definition(job) for job in jobs]
+        found = self._store.find_all(definitions)
         recorded, total, began = len(found), len(jobs), time.monotonic()
         self._say(f"{what}: {recorded}/{total} recorded, {self._options.duration:g} s each")
         queue = sorted(((k, job) for k, job in enumerate(jobs) if k not in found), key=lambda job: job[1].condition)
-        for (k, _), episode in self._executor.results(_numbered, queue):
+        for (k, _), episode in self._execution.executor.results(_numbered, queue):
             found[k] = episode
-            if store is not None:
-                store.keep(definitions[k], episode)
-            self._check()
+            self._store.keep(definitions[k], episode)
+            self._execution.check()
             if len(found) % max(total // 8, 1) == 0 or len(found) == total:
                 left = (time.monotonic() - began) / (len(found) - recorded) * (total - len(found))
                 self._say(f"{what}: {len(found)}/{total}" + (f", about {clock(left)} min left" if left else ""))
@@ -386,20 +343,16 @@ class _Work:
     def _definition(self, job: EpisodeJob) -> dict[str, Any]:
         """Everything on which the numbers of an episode depend."""
         values = {part.name: getattr(job, part.name) for part in fields(job)}
-        return {
-            "fingerprint": self._fingerprint,
-            "wind_files": wind_files_of(json.loads(job.arguments)),
-            **described(values),
-        }
+        return {"fingerprint": self._fingerprint, "wind_files": wind_files_of(self._arguments), **described(values)}
 
     @cached_property
     def _fingerprint(self) -> dict[str, Any]:
-        """Turbine, fidelity, and behavior of the package."""
-        return benchmark_fingerprint(self._env.turbine, self._env.fidelity)
+        return benchmark_fingerprint(self.env.turbine, self.env.fidelity)
 
     def _job(self, speed: float, seed: int, condition: Mapping[str, Any], **more: Any) -> EpisodeJob:
-        told = json.dumps(condition)
-        return EpisodeJob(self._id, self._arguments, speed, seed, self._options.duration, condition=told, **more)
+        texts = (json.dumps(values) for values in (self._arguments, condition))
+        arguments, told = texts
+        return EpisodeJob(self._id, arguments, speed, seed, self._options.duration, condition=told, **more)
 
     def in_turns(self, values: Sequence[_T]) -> list[_T]:
         """What each episode of a round has of values by condition."""
@@ -427,11 +380,13 @@ class _Work:
     def _identified(
         self, at: tuple[float, ...], winds: Sequence[tuple[float, int]], condition: Mapping[str, Any]
     ) -> _Identified:
-        options, env = self._options, self._env
+        options, env = self._options, self.env
         steps = round(options.duration / env.control_dt)
         spans = env.operation.action.pitch_high
         drawn = [
-            PlayedActions((Excitation().draw(steps, env.control_dt, seed) / spans[:, None]).clip(-1.0, 1.0).T)
+            pretraining_episodes.PlayedActions(
+                (Excitation().draw(steps, env.control_dt, seed) / spans[:, None]).clip(-1.0, 1.0).T
+            )
             for _, seed in winds
         ]
         jobs = [self._job(v, s, condition) for v, s in winds]
@@ -456,14 +411,14 @@ class _Work:
                     "wind_speed a higher lower end, or leave the condition out"
                 )
             pairs = list(zip(moved[own], still[own], strict=True))
-            changes = [plant_outputs(a) - plant_outputs(b) for a, b in pairs]
+            changes = [pretraining_episodes.plant_outputs(a) - pretraining_episodes.plant_outputs(b) for a, b in pairs]
             if not all(change.any() for change in changes):
                 raise ValueError(
                     f"pretraining needs winds in which the turbine runs, and at {v:g} m/s{which} offsets change "
                     "nothing: give wind_speed a lower upper end, or leave the condition out"
                 )
             shares = explained_share(fitted(inputs[:-1], changes[:-1]), inputs[-1:], changes[-1:])
-            explained[v] = dict(zip(OUTPUTS, np.round(shares, 3).tolist(), strict=True))
+            explained[v] = dict(zip(pretraining_episodes.OUTPUTS, np.round(shares, 3).tolist(), strict=True))
             responses.append(fitted(inputs, changes))
             if condition:
                 told = [(a.observations - b.observations).T.astype(float) for a, b in pairs]
@@ -477,9 +432,11 @@ class _Work:
     def _published(self, run: RecordedEpisode) -> dict[str, float]:
         """Metrics of the published controller [MN m, MW]."""
         skip = round(self._options.skip / run.dt)
-        flap, tower, pitch = map(tensor, (run.flap / 1e6, run.tower / 1e6, run.pitch))
-        found = load_metrics(flap, tower, pitch, run.dt, self._env.turbine.pitch.max_rate, skip, _MAIN)
-        power = np.minimum(run.power, self._env.turbine.drivetrain.rated_power)[skip:].mean() / 1e6
+        flap, tower, pitch = map(pretraining_episodes.tensor, (run.flap / 1e6, run.tower / 1e6, run.pitch))
+        found = pretraining_episodes.load_metrics(
+            flap, tower, pitch, run.dt, self.env.turbine.pitch.max_rate, skip, _MAIN
+        )
+        power = np.minimum(run.power, self.env.turbine.drivetrain.rated_power)[skip:].mean() / 1e6
         return {name: float(value) for name, value in found.items()} | {"captured_power": float(power)}
 
     def recorded(self, agent: _Deployed | None, number: int) -> list[RecordedEpisode]:
@@ -488,7 +445,7 @@ class _Work:
         low, high = self._speeds
         order = np.random.default_rng(options.first_wind_seed).permutation(options.episodes)
         winds = low + (high - low) * (order + 0.5) / options.episodes
-        dials, rng = dial_of(self._env), np.random.default_rng((options.first_wind_seed, number))
+        dials, rng = dial_of(self.env), np.random.default_rng((options.first_wind_seed, number))
         jobs = [
             self._job(
                 round(speed, 2), options.first_wind_seed + n, condition, agent=agent,
@@ -500,29 +457,27 @@ class _Work:
 
 
 def _numbered(job: tuple[int, EpisodeJob]) -> RecordedEpisode:
-    return record_episode(job[1])
+    return pretraining_episodes.record_episode(job[1])
 
 
-def _costs(actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> list[float]:
+def _costs(actor: Actor, episodes: Sequence[LinearizedEpisode]) -> list[float]:
     """Costs of a policy in episodes, with the factors of a dial that they were recorded with."""
     with torch.no_grad():
         return [float(one.cost(one.offsets(actor))) for one in episodes]
 
 
-def _travel(actor: Callable[[torch.Tensor], torch.Tensor], episodes: Sequence[LinearizedEpisode]) -> float:
+def _travel(actor: Actor, episodes: Sequence[LinearizedEpisode]) -> float:
     """Mean pitch travel of a policy in episodes [rad/s]."""
     with torch.no_grad():
         return float(np.mean([float(one.cost_and_travel(one.offsets(actor))[1]) for one in episodes]))
 
 
 def _optimized(
-    actor: Callable[[torch.Tensor], torch.Tensor],
-    policy: torch.nn.Module,
+    policy: Any,
     made: Sequence[LinearizedEpisode],
     options: PretrainingOptions,
     rng: np.random.Generator,
-    say: Callable[[str], None],
-    check: Callable[[], None],
+    execution: Execution,
     budget: _Budget,
     dials: DialTerm | None = None,
 ) -> tuple[float, float, float, int]:
@@ -530,12 +485,12 @@ def _optimized(
 
     With a dial each episode of a batch has other factors, and held-out winds are judged with the same few of each.
     """
-    held, fitted = made[: options.held_out], made[options.held_out :]
+    actor, held, fitted = _actor(policy), made[: options.held_out], made[options.held_out :]
     judges = np.random.default_rng(options.first_wind_seed)
     judged: list[tuple[float, ...] | None] = [None]
     if dials is not None:
         judged = [dials.factors(judges) for _ in range(_JUDGED * options.held_out)]
-    parts = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters()]  # type: ignore[union-attr]
+    parts = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters()]
     optimizer = torch.optim.AdamW(parts, lr=options.learning_rate, weight_decay=options.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimizer, 2.0 * options.learning_rate, total_steps=options.iterations, pct_start=0.1
@@ -564,11 +519,11 @@ def _optimized(
         optimizer.step()
         optimizer.zero_grad()
         schedule.step()
-        check()
+        execution.check()
         if number % every == 0 or number == options.iterations:
             now, beyond = mean_cost(held), budget.overdrawn(actor, made)
             more = f", {DAY * beyond:.0f} rad/d beyond the budget" if math.isfinite(budget.limit) else ""
-            say(f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds{more}")
+            execution.progress(f"iteration {number}: {100 * now:+.2f} % of the cost in held-out winds{more}")
             if (beyond, now) < best[:2]:
                 best = (beyond, now, number, [part.detach().clone() for part in parts])
     with torch.no_grad():

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -40,8 +41,6 @@ from wt_gym.experiment.run import EpisodePlayer
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from numpy.typing import NDArray
 
     from wt_gym.control.actions import Demand
@@ -49,13 +48,10 @@ if TYPE_CHECKING:
     from wt_gym.envs.episode import Agent
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
-__all__ = [
-    "OUTPUTS", "EpisodeJob", "Limits", "LinearizedEpisode", "Plants", "PlayedActions", "RecordedEpisode",
-    "check_environment", "cycle_ends", "damage_equivalent_load", "load_metrics", "plant_outputs", "record_episode",
-    "tensor",
-]  # fmt: skip
 
 _ENDLESS = 10**9  # control steps
+Actor = Callable[[torch.Tensor], torch.Tensor]
+"""Policy: actions (n, 3) of observations (n, n_obs)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,13 +120,7 @@ class EpisodeJob:
 
 
 class PlayedActions:
-    """Agent that plays actions, whatever it sees.
-
-    Parameters
-    ----------
-    actions : numpy.ndarray, shape (n, n_act)
-        After the last come zeros.
-    """
+    """Agent that plays actions (n, n_act), then zeros, whatever it sees."""
 
     def __init__(self, actions: NDArray[np.float64]) -> None:
         self.actions, self._count = actions.astype(np.float32), 0
@@ -164,12 +154,7 @@ class _Watched:
 
 
 def check_environment(env: WindTurbineEnv) -> None:
-    """Refuse an environment in which actions have an effect on later observations that no model takes away.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse an environment in which actions have an effect on later observations that no model takes away."""
     chosen = env.options.actions
     if not (chosen.mode == "residual" and chosen.pitch == "fixed-frame" and chosen.residual == "offset"):
         raise ValueError(
@@ -217,13 +202,7 @@ def _environment(env_id: str, arguments: str, baseline: bool, condition: str) ->
 
 
 def record_episode(job: EpisodeJob) -> RecordedEpisode:
-    """Play an episode and record it.
-
-    Raises
-    ------
-    wt_gym.base.errors.SimulationError
-        If the episode ends early.
-    """
+    """Play an episode and record it; a SimulationError where it ends early."""
     env = _environment(job.env_id, job.arguments, job.baseline, job.condition)
     plain = turbine_env_of(env)
     agent = _Watched(job.agent or ConstantAgent(plain.layout), plain)
@@ -281,18 +260,9 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
 
 @numba.njit(cache=True)
 def cycle_ends(signal: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Cycles of a signal by rainflow counting (ASTM E1049-85, 5.4.4).
+    """Cycles of a signal (n,) by rainflow counting (ASTM E1049-85, 5.4.4).
 
-    Parameters
-    ----------
-    signal : numpy.ndarray, shape (n,)
-
-    Returns
-    -------
-    ends : numpy.ndarray, shape (n_cycles, 2)
-        Samples between which each cycle goes.
-    counts : numpy.ndarray, shape (n_cycles,)
-        1, or 0.5 for half cycles.
+    Samples between which each cycle goes (n_cycles, 2), and counts (n_cycles,): 1, or 0.5 for half cycles.
     """
     n = signal.size
     turning = np.empty(n, np.int64)
@@ -332,23 +302,7 @@ def cycle_ends(signal: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[
 
 
 def damage_equivalent_load(signal: torch.Tensor, duration: float, exponent: float) -> torch.Tensor:
-    """Range of as many equal cycles as the time has seconds that damages as the signal does.
-
-    As `wt_gym.analysis.metrics.damage_equivalent_load`, with a gradient.
-
-    Parameters
-    ----------
-    signal : torch.Tensor, shape (n,)
-    duration : float
-        [s].
-    exponent : float
-        Of the S-N curve [-].
-
-    Returns
-    -------
-    torch.Tensor, shape ()
-        In the unit of the signal.
-    """
+    """Load of a signal (n,), as of `wt_gym.analysis.metrics.damage_equivalent_load`, with a gradient."""
     ends, counts = cycle_ends(signal.detach().numpy().astype(np.float64))
     ranges = (signal[ends[:, 0]] - signal[ends[:, 1]]).abs()
     largest = ranges.detach().max()  # powers of ten of loads in N m would overflow
@@ -389,15 +343,10 @@ def plant_outputs(episode: RecordedEpisode) -> NDArray[np.float64]:
 
 
 class Plants:
-    """Impulse responses at several mean winds, between which the wind speed chooses.
+    """Impulse responses at several rising mean winds [m/s], between which the wind speed chooses.
 
-    Parameters
-    ----------
-    speeds : sequence of float
-        Rising [m/s].
-    responses : numpy.ndarray, shape (n, n_out, 3, n_taps)
-        Of outputs to mean, tilt and yaw, per radian; entry l is what an offset does l + 1 steps later. Of `OUTPUTS`
-        [MN m/rad, MW/rad], or of what the agent sees.
+    Responses (n, n_out, 3, n_taps) of outputs to mean, tilt and yaw, per radian; entry l is the effect of an offset
+    l + 1 steps later. Outputs are `OUTPUTS` [MN m/rad, MW/rad], or observations of the agent.
     """
 
     def __init__(self, speeds: tuple[float, ...], responses: NDArray[np.float64]) -> None:
@@ -409,11 +358,9 @@ class Plants:
         x = min(max(speed, self.speeds[0]), self.speeds[-1])
         k = min(int(np.searchsorted(self.speeds, x, side="right")) - 1, max(len(self.speeds) - 2, 0))
         if len(self.speeds) == 1:
-            alone: NDArray[np.float64] = self.responses[0]
-            return alone
+            return np.asarray(self.responses[0])
         w = (x - self.speeds[k]) / (self.speeds[k + 1] - self.speeds[k])
-        out: NDArray[np.float64] = (1.0 - w) * self.responses[k] + w * self.responses[k + 1]
-        return out
+        return np.asarray((1.0 - w) * self.responses[k] + w * self.responses[k + 1])
 
     def respond(self, speed: float, offsets: torch.Tensor) -> torch.Tensor:
         """Changes (n_out, n + 1) by offsets (3, n): sample k follows from the offsets 0 … k - 1."""
@@ -443,6 +390,14 @@ class Limits:
     """mean, tilt_yaw: offset at an action of one [rad]."""
     washout: float | None
     """Time constant of the high-pass filter of the mean [s]."""
+    full_rate: float
+    """Of the pitch drives [rad/s]."""
+    rated_power: float
+    """[W]."""
+    skip: float
+    """Start of an episode that does not count [s]."""
+    dial_at: tuple[int, ...] = ()
+    """Places of the factors of a dial in an observation, in the order of `DIAL_NAMES`; none without a dial."""
 
     def offsets(self, actions: torch.Tensor, share: torch.Tensor, dt: float) -> torch.Tensor:
         """Offsets (3, n) [rad] of actions (n, 3), as far as shares (3, n) let them; rates have no limit."""
@@ -470,18 +425,9 @@ def load_metrics(
 ) -> dict[str, torch.Tensor]:  # fmt: skip
     """Metrics of the lifetime cost [MN m], of all blades alike.
 
-    Parameters
-    ----------
-    flap, pitch : torch.Tensor, shape (n_blades, n + 1)
-        [MN m], [rad].
-    tower : torch.Tensor, shape (2, n + 1)
-        [MN m].
-    dt, full_rate : float
-        [s], [rad/s].
-    skip : int
-        Samples at the start that do not count.
-    exponents : (float, float)
-        Of blades and tower.
+    Of flapwise moments [MN m] and pitch [rad] (n_blades, n + 1) and tower moments (2, n + 1) [MN m], sampled every
+    ``dt`` [s]; the full rate of the pitch is in rad/s, ``skip`` samples at the start do not count, and the exponents
+    are those of blades and tower.
     """
     time = (flap.shape[1] - skip) * dt
     blades = [damage_equivalent_load(row[skip:], time, exponents[0]) for row in flap]
@@ -499,18 +445,10 @@ class LinearizedEpisode:
 
     Parameters
     ----------
-    actor : callable
-        Policy under which it was recorded: actions (n, 3) of observations (n, n_obs).
+    actor : Actor
+        Policy under which it was recorded.
     baseline : dict
         Metrics of the published controller in this wind speed.
-    full_rate : float
-        Of the pitch drives [rad/s].
-    rated_power : float
-        [W].
-    skip : float
-        Start that does not count [s].
-    dial_at : sequence of int
-        Places of the factors of a dial in an observation, in the order of `DIAL_NAMES`; none without a dial.
     seen : Plants, optional
         Responses of what the agent sees to its own offsets, where the model of the base controller does not hold; by
         default there are none.
@@ -519,20 +457,15 @@ class LinearizedEpisode:
     def __init__(
         self,
         episode: RecordedEpisode,
-        actor: Callable[[torch.Tensor], torch.Tensor],
+        actor: Actor,
         plants: Plants,
         limits: Limits,
         baseline: dict[str, float],
-        full_rate: float,
-        rated_power: float,
-        skip: float,
-        dial_at: Sequence[int] = (),
         seen: Plants | None = None,
     ) -> None:
-        self._dial_at, self._plants, self._seen = list(dial_at), plants, seen
-        self.speed, self.seed, self.steps, self._dt = episode.speed, episode.seed, episode.steps, episode.dt
-        self._limits, self._baseline, self._full_rate = limits, baseline, full_rate
-        self._skip = round(skip / episode.dt)
+        self._plants, self._seen, self._limits, self._baseline = plants, seen, limits, baseline
+        self.speed, self.steps, self._dt = episode.speed, episode.steps, episode.dt
+        self._skip = round(limits.skip / episode.dt)
         self.observations = torch.from_numpy(episode.observations)
         cyclic = episode.share * episode.individual
         self._share, self._gain = tensor(np.stack([episode.share, cyclic, cyclic])), episode.pitch_gain
@@ -544,35 +477,23 @@ class LinearizedEpisode:
         self._flap_cos, self._flap_sin = tensor(np.cos(still)), tensor(np.sin(still))
         self._flap, self._tower = tensor(episode.flap / _MEGA), tensor(episode.tower / _MEGA)
         self._pitch = tensor(episode.pitch)
-        power = np.minimum(episode.power, rated_power)
+        power = np.minimum(episode.power, limits.rated_power)
         self._power = float(power[self._skip :].mean()) / _MEGA
         with torch.no_grad():
             self._acted = limits.offsets(actor(self.observations), self._share, self._dt)
 
-    def offsets(
-        self,
-        actor: Callable[[torch.Tensor], torch.Tensor],
-        noise: float = 0.0,
-        dial: tuple[float, ...] | None = None,
-    ) -> torch.Tensor:
-        """Offsets (3, n) of a policy [rad].
+    def offsets(self, actor: Actor, noise: float = 0.0, dial: tuple[float, ...] | None = None) -> torch.Tensor:
+        """Offsets (3, n) of a policy [rad], with noise of a standard deviation on its observations.
 
         Where the agent sees its own offsets u, these solve u = pi(o + H * (u - u_recorded)); Picard iterations from the
-        recorded observations give them as far as the loop is weak.
-
-        Parameters
-        ----------
-        noise : float
-            Standard deviation of what is added to the observations.
-        dial : tuple of float, optional
-            Factors that the policy sees instead of those of the recording.
+        recorded observations give them as far as the loop is weak. Factors of a dial replace those of the recording.
         """
         seen = self.observations
         if noise > 0.0:
             seen = seen + noise * torch.randn_like(seen)
         if dial is not None:
             seen = seen.clone()
-            seen[:, self._dial_at] = torch.tensor([math.log2(factor) for factor in dial])
+            seen[:, list(self._limits.dial_at)] = torch.tensor([math.log2(factor) for factor in dial])
         offsets = self._limits.offsets(actor(seen), self._share, self._dt)
         if self._seen is not None:
             for _ in range(_LOOPS):
@@ -587,7 +508,8 @@ class LinearizedEpisode:
         flap = self._flap + changed[0] + changed[1] * self._flap_cos + changed[2] * self._flap_sin
         moved = self._gain * (more[0] + more[1] * self._pitch_cos + more[2] * self._pitch_sin)
         pitch = torch.cat([self._pitch[:, :1], self._pitch[:, 1:] + moved], 1)
-        found = load_metrics(flap, self._tower + changed[3:5], pitch, self._dt, self._full_rate, self._skip, exponents)
+        full_rate, tower = self._limits.full_rate, self._tower + changed[3:5]
+        found = load_metrics(flap, tower, pitch, self._dt, full_rate, self._skip, exponents)
         found["captured_power"] = self._power + changed[5, self._skip :].mean().clamp(max=0.0)
         return found
 
@@ -597,7 +519,16 @@ class LinearizedEpisode:
         exponents: tuple[float, float] = (BLADE_EXPONENT, TOWER_EXPONENT),
         dial: tuple[float, ...] | None = None,
     ) -> torch.Tensor:
-        """Lifetime cost under offsets less that of the published controller.
+        """Lifetime cost under offsets (3, n) [rad], as of `cost_and_travel`."""
+        return self.cost_and_travel(offsets, exponents, dial)[0]
+
+    def cost_and_travel(
+        self,
+        offsets: torch.Tensor,
+        exponents: tuple[float, float] = (BLADE_EXPONENT, TOWER_EXPONENT),
+        dial: tuple[float, ...] | None = None,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Lifetime cost less that of the published controller, and mean pitch travel of the blades [rad/s].
 
         Parameters
         ----------
@@ -609,19 +540,9 @@ class LinearizedEpisode:
         dial : tuple of float, optional
             Factors on the parts of the cost.
         """
-        return self.cost_and_travel(offsets, exponents, dial)[0]
-
-    def cost_and_travel(
-        self,
-        offsets: torch.Tensor,
-        exponents: tuple[float, float] = (BLADE_EXPONENT, TOWER_EXPONENT),
-        dial: tuple[float, ...] | None = None,
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """`cost`, and the mean pitch travel of the blades [rad/s]."""
         now = self.metrics(offsets, exponents)
-        travel = now["pitch_duty_cycle"] * self._full_rate
-        true = (BLADE_EXPONENT, TOWER_EXPONENT)
-        if exponents != true:
+        travel = now["pitch_duty_cycle"] * self._limits.full_rate
+        if exponents != (BLADE_EXPONENT, TOWER_EXPONENT):
             scale = self._scales(exponents)
             now = {name: value * scale.get(name, 1.0) for name, value in now.items()}
         total = torch.zeros(())

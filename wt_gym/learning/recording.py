@@ -17,11 +17,7 @@ from wt_gym.base.canary import differing
 from wt_gym.base.files import whole_file
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.controller import Combined, parts_of
-from wt_gym.control.controllers.linear_optimal import (
-    PitchOffsets,
-    recorded_outputs,
-    side_sign,
-)
+from wt_gym.control.controllers.linear_optimal import PitchOffsets, recorded_outputs, side_sign
 from wt_gym.experiment.comparison import inflow_of
 from wt_gym.experiment.run import run_controller
 from wt_gym.experiment.store import run_digest
@@ -38,10 +34,6 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "LOADS", "POWER", "TOWER", "DrawnOffsets", "Recording", "RecordingStore", "amplitude_weights", "explained_share",
-    "identify", "record", "respond", "to_blades", "without_slow",
-]  # fmt: skip
 
 _R = TypeVar("_R")
 LOADS = ("tower_fore_aft", "tower_side_side", "power")
@@ -49,13 +41,7 @@ LOADS = ("tower_fore_aft", "tower_side_side", "power")
 
 
 class DrawnOffsets:
-    """Addition that plays offsets and remembers what reached the drives.
-
-    Parameters
-    ----------
-    levels : numpy.ndarray, shape (3, n)
-        [rad]; after the last there are none.
-    """
+    """Addition that plays levels (3, n) of offsets [rad], then none, and stores what reached the drives."""
 
     channels = ("azimuth", "rotor_speed")
 
@@ -110,15 +96,7 @@ class Recording:
         offsets: NDArray[np.float64],
         share: NDArray[np.float64],
     ) -> Recording:
-        """Recording of signals by name.
-
-        Parameters
-        ----------
-        channels : mapping
-            Of names to arrays, shape (n + 1,).
-        dt, offsets, share
-            As the attributes.
-        """
+        """Recording of signals (n + 1,) by name."""
         sign = side_sign(turbine)
 
         def of_blades(name: str) -> NDArray[np.float64]:
@@ -147,31 +125,27 @@ class Recording:
 
 
 class RecordingStore(Generic[_R]):
-    """Folder of recordings, one file each, found by the digest of what defines it.
+    """Folder of recordings, one file each, named by the digest of its definition.
 
     Parameters
     ----------
+    folder : Path or None
+        None: nothing is stored.
     kind : type
         Dataclass of the recordings, of numbers and arrays.
     """
 
-    def __init__(self, folder: Path, kind: type[_R]) -> None:
-        self.folder, self._kind = folder, kind
+    def __init__(self, folder: Path | None, kind: type[_R]) -> None:
+        self._folder, self._kind = folder, kind
 
-    def file(self, definition: dict[str, Any]) -> Path:
-        """Where a recording stands, or would."""
-        return self.folder / f"{run_digest(definition)}.npz"
+    def find_all(self, definitions: Sequence[dict[str, Any]]) -> dict[int, _R]:
+        """Return the stored recordings by the place of their definition, as of `find`."""
+        results = {k: self.find(definition) for k, definition in enumerate(definitions)}
+        return {k: recording for k, recording in results.items() if recording is not None}
 
     def find(self, definition: dict[str, Any]) -> _R | None:
-        """Return a recording; None if it has not been made, or by a version of the package with another behavior.
-
-        Raises
-        ------
-        ValueError
-            If its file is damaged.
-        """
-        file = self.file(definition)
-        if not file.exists():
+        """Return a recording; None if there is none, or one of a version of the package with another behavior."""
+        if self._folder is None or not (file := self._folder / f"{run_digest(definition)}.npz").exists():
             return None
         try:
             with np.load(file, allow_pickle=False) as found:
@@ -185,55 +159,42 @@ class RecordingStore(Generic[_R]):
 
     def keep(self, definition: dict[str, Any], recording: _R) -> None:
         """Write a recording: there is all of it or nothing."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        if self._folder is None:
+            return
+        self._folder.mkdir(parents=True, exist_ok=True)
         names = [part.name for part in fields(self._kind)]  # type: ignore[arg-type]
         arrays: dict[str, Any] = {name: np.asarray(getattr(recording, name)) for name in names}
-        with whole_file(self.file(definition)) as partial, partial.open("wb") as file:
+        with whole_file(self._folder / f"{run_digest(definition)}.npz") as partial, partial.open("wb") as file:
             np.savez(file, fingerprint=json.dumps(definition["fingerprint"]), **arrays)
 
 
 def record(
     turbine: Turbine,
     base: str,
-    wind_speed: float,
-    seed: int,
+    wind: Wind,
     duration: float,
     offsets: PitchOffsets,
     drawn: tuple[Excitation, int] | None = None,
     fidelity: str | None = None,
 ) -> Recording:
-    """Run a base controller in a wind, with offsets or without.
+    """Run a base controller for a duration [s] in a wind, with offsets or without; a SimulationError where it fails.
 
     Parameters
     ----------
     base : str
         As `make_controller` takes it.
-    wind_speed : float
-        [m/s].
-    seed : int
-        Of the turbulence.
-    duration : float
-        [s].
+    wind : Wind
+        Mean speed, and seed of the turbulence.
     offsets : PitchOffsets
         Is started.
     drawn : (Excitation, int), optional
-        What offsets are drawn from, and with which seed; by default there are none.
-    fidelity : str, optional
-        As of the simulator.
-
-    Raises
-    ------
-    wt_gym.base.errors.SimulationError
-        If the simulation fails.
+        Distribution and seed of drawn offsets; by default there are none.
     """
-    simulator = Simulator(turbine, inflow_of(turbine, Wind(wind_speed, seed)), fidelity)
+    simulator = Simulator(turbine, inflow_of(turbine, wind), fidelity)
     levels = np.zeros((3, 0))
     if drawn is not None:
-        excitation, own_seed = drawn
-        levels = excitation.draw(round(duration / simulator.time_step), simulator.time_step, own_seed)
-    controller = make_controller(base, turbine)
-    played = DrawnOffsets(offsets, levels)
-    parts = parts_of(controller)
+        levels = drawn[0].draw(round(duration / simulator.time_step), simulator.time_step, drawn[1])
+    played, parts = DrawnOffsets(offsets, levels), parts_of(make_controller(base, turbine))
     combined = Combined(parts[0], *parts[1:], played)  # type: ignore[arg-type]  # the first part is a controller
     data = run_controller(simulator, combined, duration).to_dataset()
     channels = {str(name): data[name].values.astype(float) for name in data.data_vars}
@@ -245,11 +206,7 @@ def record(
 def respond(responses: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Outputs (n_out, n + 1) of inputs (n_in, n): output k follows from inputs 0 … k - 1.
 
-    Parameters
-    ----------
-    responses : numpy.ndarray, shape (n_out, n_in, n_taps)
-        Entry l is what an input of one does to the output l + 1 steps later.
-    inputs : numpy.ndarray, shape (n_in, n)
+    Entry l of the responses (n_out, n_in, n_taps) is the effect of an input of one on the output l + 1 steps later.
     """
     n = inputs.shape[1]
     out = np.zeros((responses.shape[0], n + 1))
@@ -297,18 +254,11 @@ def identify(
     Raises
     ------
     ValueError
-        If shapes do not fit, nothing is finite, there are fewer samples than unknowns, or an input never moves.
+        If there are fewer samples than unknowns, an input never moves, or a value is not finite.
     """
-    if not inputs or len(inputs) != len(changes):
-        raise ValueError(f"there must be as many runs of inputs as of changes, got {len(inputs)} and {len(changes)}")
     n_in, n_out = inputs[0].shape[0], changes[0].shape[0]
-    for given, changed in zip(inputs, changes, strict=True):
-        if given.shape[0] != n_in or changed.shape != (n_out, given.shape[1] + 1):
-            raise ValueError(
-                f"inputs (n_in, n) must come with changes (n_out, n + 1), got {given.shape} and {changed.shape}"
-            )
-        if not (np.isfinite(given).all() and np.isfinite(changed).all()):
-            raise ValueError("inputs and changes must be finite")
+    if not all(np.isfinite(series).all() for series in (*inputs, *changes)):
+        raise ValueError("inputs and changes must be finite")
     samples = sum(given.shape[1] for given in inputs)
     if taps < 1 or samples < n_in * taps:
         raise ValueError(
@@ -332,21 +282,11 @@ def explained_share(
     responses: NDArray[np.float64],
     inputs: Sequence[NDArray[np.float64]],
     changes: Sequence[NDArray[np.float64]],
-    skip: int = 0,
 ) -> NDArray[np.float64]:
-    """Share of the mean square of changes that responses explain (n_out,), one for a perfect model.
-
-    Parameters
-    ----------
-    responses, inputs, changes
-        As of `identify`; of runs that the responses were not fitted to, it says what they are worth.
-    skip : int
-        Samples left out at the start of every run.
-    """
-    left = [c[:, skip:] - respond(responses, u)[:, skip:] for u, c in zip(inputs, changes, strict=True)]
-    whole = sum((c[:, skip:] ** 2).sum(1) for c in changes)
-    share: NDArray[np.float64] = 1.0 - sum((e**2).sum(1) for e in left) / whole
-    return share
+    """Share of the mean square of changes, as of `identify`, that responses explain (n_out,); 1: a perfect model."""
+    left = [c - respond(responses, u) for u, c in zip(inputs, changes, strict=True)]
+    whole = sum((c**2).sum(1) for c in changes)
+    return np.asarray(1.0 - sum((e**2).sum(1) for e in left) / whole)
 
 
 TOWER = (6, 7)
@@ -379,5 +319,4 @@ def amplitude_weights(series: NDArray[np.float64], exponent: float, window: int)
     """Weights (..., n) of the local range over its 90 % quantile, within bounds that keep single cycles from ruling."""
     span = maximum_filter1d(series, window, axis=-1) - minimum_filter1d(series, window, axis=-1)
     common = np.quantile(span, 0.9, axis=-1, keepdims=True)
-    out: NDArray[np.float64] = np.clip((span / common) ** exponent, 0.02, 6.0)
-    return out
+    return np.asarray(np.clip((span / common) ** exponent, 0.02, 6.0))

@@ -25,12 +25,14 @@ from ray.tune.registry import register_env
 from ray.tune.schedulers import ASHAScheduler
 from ray.tune.search import BasicVariantGenerator
 from stable_baselines3.common.callbacks import CallbackList
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from wt_gym.base.files import write_whole
 from wt_gym.experiment.environments import compile_kernels_of
 from wt_gym.experiment.execute import connected, processors, warm_nodes
 from wt_gym.experiment.run_folder import RunFolder
 from wt_gym.learning.hyperparameters import of_each_copy
+from wt_gym.learning.models import read_replay_buffer
 from wt_gym.learning.rllib_environment import (
     first_weights,
     make_runner_env,
@@ -38,7 +40,17 @@ from wt_gym.learning.rllib_environment import (
     set_runner_statistics,
     take_weights,
 )
-from wt_gym.learning.search import SPACES, Choice, Range, check_search, claim, tried, write_best
+from wt_gym.learning.search import (
+    SPACES,
+    Choice,
+    Range,
+    check_search,
+    claim,
+    present_keys,
+    search_result,
+    tried,
+    write_best,
+)  # fmt: skip
 from wt_gym.learning.train import Learner, train
 
 if TYPE_CHECKING:
@@ -48,12 +60,10 @@ if TYPE_CHECKING:
     from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.callbacks import BaseCallback
-    from stable_baselines3.common.running_mean_std import RunningMeanStd
     from stable_baselines3.common.vec_env import VecNormalize
 
     from wt_gym.learning.options import TrainingConfig
 
-__all__ = ["SAMPLE_TIMEOUT", "RllibLearner", "check_settings", "rllib_config", "tune_search"]
 
 SAMPLE_TIMEOUT = 1800.0
 """Time that a runner has for its part of a batch [s]. RLlib's own 60 s are shorter than a first compilation, and it
@@ -73,12 +83,7 @@ _LEAST_STEPS = 500  # of an iteration of SAC: between two looks at clock and sig
 
 
 def check_settings(config: TrainingConfig) -> None:
-    """Refuse what RLlib has not.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse settings that RLlib lacks, by a ValueError."""
     if config.algorithm not in _ALGORITHMS:
         raise ValueError(f"with Ray the algorithm must be one of {', '.join(_ALGORITHMS)}, got {config.algorithm!r}")
     if config.budgets:
@@ -108,11 +113,6 @@ def rllib_config(config: TrainingConfig, runners: int, session: int) -> Algorith
         Processes that step the environments, which divide among them; 0: the one that learns.
     session : int
         Steps done before: a resumed training meets other winds than it began with.
-
-    Raises
-    ------
-    ValueError
-        If the environments cannot be divided, or RLlib lacks a hyperparameter.
     """
     check_settings(config)
     envs, rest = divmod(config.n_envs, max(1, runners))
@@ -164,7 +164,7 @@ def _rate(value: Any, steps: int) -> Any:
 
 
 def _ppo(values: dict[str, Any], config: TrainingConfig, runners: int) -> tuple[AlgorithmConfig, int]:
-    """PPO without what stable-baselines3's has not: no penalty of the divergence, no clipping of values."""
+    """PPO as of stable-baselines3: no penalty of the divergence, no clipping of values."""
     settings = PPOConfig().training(
         lr=_rate(values["learning_rate"], config.total_steps),
         gamma=values["gamma"],
@@ -235,10 +235,6 @@ class RllibLearner(Learner):
         self._address, self._runners = address, runners
         self._algorithm: Algorithm | None = None
 
-    def figures(self) -> list[BaseCallback]:
-        """None: single steps are taken elsewhere."""
-        return []
-
     def check(self, config: TrainingConfig) -> None:
         """As `Learner.check`."""
         check_settings(config)
@@ -304,7 +300,7 @@ class RllibLearner(Learner):
         for other in run.former_checkpoints(model.num_timesteps):
             shutil.rmtree(other)  # of a session that was killed before its model was written
         if algorithm.local_replay_buffer is not None:
-            algorithm.local_replay_buffer.set_state(_read_buffer(folder / "replay_buffer.pkl"))
+            algorithm.local_replay_buffer.set_state(read_replay_buffer(folder / "replay_buffer.pkl"))
         rms = venv.ret_rms
         share = float(rms.count) / max(1, algorithm.config.num_env_runners)
         _each_runner(algorithm, partial(set_runner_statistics, mean=float(rms.mean), var=float(rms.var), count=share))
@@ -321,7 +317,10 @@ class RllibLearner(Learner):
             model.num_timesteps += sum(report["steps"] for report in reports)
             weights = algorithm.learner_group.get_weights()[DEFAULT_MODULE_ID]
             take_weights(model, weights)
-            _merge(venv.ret_rms, [report["statistics"] for report in reports])
+            returns = RunningMeanStd(epsilon=0.0)
+            for report in reports:
+                returns.update_from_moments(*report["statistics"])
+            vars(venv.ret_rms).update(vars(returns))
             episodes = [{"episode": episode} for report in reports for episode in report["episodes"]]
             callback.update_locals({"infos": episodes})
             going = callback.on_step()
@@ -335,23 +334,6 @@ def _each_runner(algorithm: Algorithm, ask: Callable[[Any], Any]) -> list[Any]:
     return answers
 
 
-def _merge(whole: RunningMeanStd, statistics: list[tuple[float, float, float]]) -> None:
-    """Put the statistics of the runners together (Chan et al. 1979)."""
-    count = sum(n for _, _, n in statistics)
-    mean = sum(m * n for m, _, n in statistics) / count
-    whole.var = np.asarray(sum((v + (m - mean) ** 2) * n for m, v, n in statistics) / count)
-    whole.mean, whole.count = np.asarray(mean), count
-
-
-def _read_buffer(path: Path) -> dict[str, Any]:
-    """Replay buffer of an earlier session; pickled, as every model here."""
-    if not path.is_file():
-        raise FileNotFoundError(f"{path} is missing: resuming a training requires its replay buffer")
-    with path.open("rb") as file:
-        buffer: dict[str, Any] = pickle.load(file)
-    return buffer
-
-
 _TRIALS = "tune"
 _FAILURES = 2  # of processes and machines; each begins the trial again
 
@@ -363,24 +345,12 @@ def tune_search(
     progress: Callable[[str], None] | None = None,
     address: str | None = None,
 ) -> dict[str, Any]:
-    """Search the hyperparameters of the highest return against the baseline's at the end of a training.
+    """Search as `wt_gym.learning.search.search` does; the number of trials is fixed when the search begins.
 
     Parameters
     ----------
-    config, folder, trials, progress
-        As of `wt_gym.learning.search.search`. The number of trials is fixed when the search begins.
     address : str, optional
         As of `wt_gym.experiment.execute.executor_for`.
-
-    Returns
-    -------
-    dict
-        As of `wt_gym.learning.search.search`.
-
-    Raises
-    ------
-    ValueError
-        As there.
     """
     check_search(config, trials)
     with RunFolder(folder) as run, connected(address):
@@ -393,14 +363,8 @@ def tune_search(
             for found, value in rows:
                 progress(f"return {value:+.2f} with {found}")
         best = max(rows, key=lambda row: row[1], default=None)
-        status = "finished" if len(ended) >= trials else "interrupted"
-        return {
-            "status": status,
-            "stopped_by": "SIGINT" if status == "interrupted" else None,
-            "best": None if best is None else write_best(config, run.path, best[0], best[1], len(ended)),
-            "value": None if best is None else best[1],
-            "trials": len(ended),
-        }
+        written = None if best is None else write_best(config, run.path, *best, len(ended))
+        return search_result(len(ended), trials, "SIGINT", written, best and best[1])
 
 
 def _tuner(config: TrainingConfig, folder: Path, trials: int) -> tune.Tuner:
@@ -414,9 +378,8 @@ def _tuner(config: TrainingConfig, folder: Path, trials: int) -> tune.Tuner:
     if tune.Tuner.can_restore(str(path)):
         return tune.Tuner.restore(str(path), trainable, resume_unfinished=True, resume_errored=True)
     space = SPACES[config.algorithm]
-    keys = {name: part.key(config.resolved.get(name)) for name, part in space.items()}
-    present = {name: key for name, key in keys.items() if key is not None}
-    generator = BasicVariantGenerator(points_to_evaluate=[present], random_state=np.random.RandomState(config.seed))
+    random = np.random.RandomState(config.seed)
+    generator = BasicVariantGenerator(points_to_evaluate=[present_keys(config)], random_state=random)
     scheduler = ASHAScheduler(
         time_attr="steps", max_t=2 * config.total_steps, grace_period=max(1, config.total_steps // 3)
     )

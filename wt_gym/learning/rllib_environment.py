@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from ray.rllib.env.env_runner import EnvRunner
     from stable_baselines3.common.base_class import BaseAlgorithm
 
-__all__ = ["RunnerEnv", "first_weights", "make_runner_env", "runner_report", "set_runner_statistics", "take_weights"]
 
 # As stable-baselines3's VecNormalize, so that the same hyperparameters mean the same.
 _CLIP, _EPSILON = 10.0, 1e-8
@@ -94,22 +93,11 @@ class RunnerEnv(gym.vector.VectorWrapper):
         self._steps, self._episodes = 0, []
         return report
 
-    def set_statistics(self, mean: float, var: float, count: float) -> None:
-        """Resume from the statistics of an earlier session."""
-        # a mean of no axes is a number, though gymnasium declares arrays
-        self.statistics.mean = np.float64(mean)  # type: ignore[assignment]  # see above
-        self.statistics.var = np.float64(var)  # type: ignore[assignment]  # see above
-        self.statistics.count = count
-
 
 def make_runner_env(context: dict[str, Any]) -> gym.vector.VectorEnv | gym.Env:
-    """Give the environment of a runner; RLlib calls this in its process.
+    """Environment of a runner, called in its process with ``env_id``, ``env_kwargs``, ``mark``, ``gamma``.
 
-    Parameters
-    ----------
-    context : EnvContext
-        ``env_id``, ``env_kwargs``, ``mark``, ``gamma``, and ``num_envs`` for turbines that are stepped
-        together.
+    And ``num_envs`` for turbines that are stepped together.
     """
     if "num_envs" not in context:
         return gym.make(context["env_id"], **context["env_kwargs"])
@@ -133,7 +121,7 @@ def set_runner_statistics(runner: EnvRunner, mean: float, var: float, count: flo
     """Have the turbines of a runner continue from the statistics of an earlier session."""
     env = _turbines(runner)
     if env is not None:
-        env.set_statistics(mean, var, count)
+        vars(env.statistics).update(mean=np.float64(mean), var=np.float64(var), count=count)
 
 
 def _turbines(runner: EnvRunner) -> RunnerEnv | None:
@@ -145,16 +133,9 @@ def _turbines(runner: EnvRunner) -> RunnerEnv | None:
 
 
 def take_weights(model: BaseAlgorithm, weights: Mapping[str, Any]) -> None:
-    """Give a model the policy of RLlib, and PPO its value network too.
+    """Give a model, PPO or SAC of stable-baselines3, the policy of RLlib's module, and PPO its value network too.
 
     The critics of SAC are built otherwise in RLlib: those of the model stay what they are, and no policy needs them.
-
-    Parameters
-    ----------
-    model : BaseAlgorithm
-        PPO or SAC of stable-baselines3.
-    weights : mapping
-        State of RLlib's module by name.
     """
     state = model.policy.state_dict()
     for theirs, ours in _names(model):
@@ -166,13 +147,7 @@ def take_weights(model: BaseAlgorithm, weights: Mapping[str, Any]) -> None:
 
 
 def first_weights(model: BaseAlgorithm) -> dict[str, Any]:
-    """Weights of a fresh model by RLlib's names: both begin with the same policy, ``log_std_init`` included.
-
-    Returns
-    -------
-    dict
-        Name to numpy.ndarray.
-    """
+    """Weights of a fresh model by RLlib's names: both begin with the same policy, ``log_std_init`` included."""
     state = model.policy.state_dict()
     return {theirs: torch.cat([state[name] for name in ours]).numpy() for theirs, ours in _names(model)}
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from wt_gym.learning.callbacks import StopRequest
     from wt_gym.learning.options import TrainingConfig
 
-__all__ = ["BEST_FILE", "SPACES", "Choice", "Range", "check_search", "claim", "search", "tried", "write_best"]
 
 BEST_FILE = "best.yml"
 _STORAGE, _PLAN = "search.db", "search.json"
@@ -48,7 +47,7 @@ class Range:
         return kind(name, self.low, self.high, log=self.log)
 
     def key(self, value: Any) -> Any:
-        """What Optuna knows a value by, None if it is outside."""
+        """Optuna's form of a value, None if it is outside."""
         return value if isinstance(value, int | float) and self.low <= value <= self.high else None
 
 
@@ -63,7 +62,7 @@ class Choice:
         return json.loads(trial.suggest_categorical(name, [json.dumps(value) for value in self.values]))
 
     def key(self, value: Any) -> Any:
-        """What Optuna knows a value by, None if it is outside."""
+        """Optuna's form of a value, None if it is outside."""
         return json.dumps(value) if value in self.values else None
 
 
@@ -100,17 +99,7 @@ class _Interrupted(Exception):
 
 
 def claim(folder: Path, config: TrainingConfig, **fixed: Any) -> None:
-    """Keep what is searched in a folder, or refuse another search in it.
-
-    Parameters
-    ----------
-    **fixed
-        Further values that stay, as JSON knows them.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Write the plan of a search, with further fixed JSON values, into a folder; refuse another search in it."""
     file, given = folder / _PLAN, json_values(fixed | asdict(config.with_hyperparameters()))
     if file.exists():
         before = json.loads(file.read_text(encoding="utf-8"))
@@ -122,16 +111,17 @@ def claim(folder: Path, config: TrainingConfig, **fixed: Any) -> None:
 
 
 def check_search(config: TrainingConfig, trials: int) -> None:
-    """Refuse a search that has nothing to try or nothing to compare.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse a search that has nothing to try or nothing to compare."""
     if not 1 <= trials <= 100_000:
         raise ValueError(f"the number of trials must be from 1 to 100000, got {trials}")
     if not config.eval_every:
         raise ValueError("eval_every of a search must be above 0, which compares evaluations; got 0")
+
+
+def present_keys(config: TrainingConfig) -> dict[str, Any]:
+    """First trial of a search: the present hyperparameters, where they lie in the search space, as Optuna has them."""
+    keys = {name: part.key(config.resolved.get(name)) for name, part in SPACES[config.algorithm].items()}
+    return {name: key for name, key in keys.items() if key is not None}
 
 
 def tried(config: TrainingConfig, hyperparameters: dict[str, Any]) -> TrainingConfig:
@@ -142,9 +132,8 @@ def tried(config: TrainingConfig, hyperparameters: dict[str, Any]) -> TrainingCo
 def write_best(
     config: TrainingConfig, folder: Path, hyperparameters: dict[str, Any], value: float, ended: int
 ) -> dict[str, Any]:
-    """Write the hyperparameters of the best trial as training takes them, and give them."""
-    whole = replaced(config.resolved, hyperparameters)
-    values = {name: list(entry) if isinstance(entry, tuple) else entry for name, entry in whole.items()}
+    """Write the hyperparameters of the best trial as training takes them, and return them."""
+    values: dict[str, Any] = json_values(replaced(config.resolved, hyperparameters))
     text = (
         f"# {config.algorithm}: best of {ended} trials of {config.total_steps} steps, return against the baseline's "
         f"{value:+.2f}\n" + yaml.safe_dump({config.env_id: values}, sort_keys=False, default_flow_style=None)
@@ -164,9 +153,9 @@ def search(
     Parameters
     ----------
     config : TrainingConfig
-        Of every trial, except for what is searched.
+        Of every trial, except for the hyperparameters that are searched.
     folder : str or path
-        Gets the study ``search.db``, a folder for each trial and ``best.yml``; a study that is there resumes.
+        Gets the study ``search.db``, a folder for each trial and ``best.yml``; the study of an earlier session resumes.
     trials : int
         Altogether, with those of earlier sessions.
     progress : callable, optional
@@ -177,16 +166,10 @@ def search(
     dict
         ``status`` ("finished" or "interrupted"), ``stopped_by``, ``best`` (hyperparameters), ``value`` and ``trials``,
         the number of those that have ended.
-
-    Raises
-    ------
-    ValueError
-        If there is nothing to compare trials by, or the study in the folder belongs to another configuration.
     """
     import optuna  # in the extra "tune"
 
     check_search(config, trials)
-    space = SPACES[config.algorithm]
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     with RunFolder(folder) as run, stop_on_signals() as stop:
         claim(run.path, config)
@@ -199,11 +182,7 @@ def search(
             load_if_exists=True,
         )
         if not _ended(study):
-            keys = {name: part.key(config.resolved.get(name)) for name, part in space.items()}
-            study.enqueue_trial({name: key for name, key in keys.items() if key is not None})
-
-        def value(trial: optuna.Trial) -> float:
-            return _run_trial(trial, config, run.path, stop)
+            study.enqueue_trial(present_keys(config))
 
         def note(study: optuna.Study, trial: optuna.trial.FrozenTrial) -> None:
             if progress is not None:
@@ -215,15 +194,25 @@ def search(
 
         # an interrupted trial counts as failed
         with suppress(_Interrupted):
-            study.optimize(value, n_trials=max(0, trials - _ended(study)), callbacks=[note])
+            study.optimize(
+                lambda trial: _run_trial(trial, config, run.path, stop),
+                n_trials=max(0, trials - _ended(study)),
+                callbacks=[note],
+            )
         best = _write_best(study, config, run.path)
-        return {
-            "status": "finished" if _ended(study) >= trials else "interrupted",
-            "stopped_by": stop.name if _ended(study) < trials else None,
-            "best": best,
-            "value": study.best_value if best else None,
-            "trials": _ended(study),
-        }
+        return search_result(_ended(study), trials, stop.name, best, study.best_value if best else None)
+
+
+def search_result(ended: int, trials: int, stopped_by: str | None, best: Any, value: float | None) -> dict[str, Any]:
+    """Result of a search after some of its trials have ended."""
+    whole = ended >= trials
+    return {
+        "status": "finished" if whole else "interrupted",
+        "stopped_by": None if whole else stopped_by,
+        "best": best,
+        "value": value,
+        "trials": ended,
+    }
 
 
 def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: StopRequest) -> float:
@@ -259,5 +248,5 @@ def _write_best(study: optuna.Study, config: TrainingConfig, folder: Path) -> di
     """Write the hyperparameters of the best trial as training takes them; None before there is one."""
     if not any(trial.state.name == "COMPLETE" for trial in study.trials):
         return None
-    found = _hyperparameters(study.best_trial, config.algorithm)
-    return write_best(config, folder, found, study.best_value, _ended(study))
+    best = _hyperparameters(study.best_trial, config.algorithm)
+    return write_best(config, folder, best, study.best_value, _ended(study))

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from wt_gym.learning.callbacks import StopRequest
     from wt_gym.learning.train import Learner
 
-__all__ = ["resume_or_train", "resume_seeds", "seeds_table", "train_seeds"]
 
 _RECENT = 10  # episodes
 
@@ -35,12 +34,10 @@ def train_seeds(
     progress: bool = True,
     learner: Learner | None = None,
 ) -> dict[str, Any]:
-    """Train with every seed, each in a folder ``seed-<n>`` of its own.
+    """Train with every seed instead of that of the configuration, each in a folder ``seed-<n>``.
 
     Parameters
     ----------
-    config : TrainingConfig
-        Its own seed does not matter.
     folder : str or path
         Gets the folders and ``seeds.json``: seeds, configuration and, in the end, the summary.
     overwrite, progress, learner
@@ -50,11 +47,6 @@ def train_seeds(
     -------
     dict
         ``status`` ("finished" or "interrupted"), ``stopped_by`` and ``runs``, a row for each seed that was trained.
-
-    Raises
-    ------
-    ValueError
-        If there are no seeds, one stands twice, or the folder holds a training already.
     """
     seeds, folder = list(seeds), Path(folder)
     if not seeds or len(set(seeds)) < len(seeds):
@@ -84,17 +76,8 @@ def resume_seeds(
 ) -> dict[str, Any]:
     """Resume `train_seeds` where it was stopped: with the seed it was at, then with those that have not begun.
 
-    Parameters
-    ----------
-    folder, total_steps, max_seconds, progress, learner
-        As `wt_gym.learning.train.resume`; new limits hold for every seed, from now on.
-
-    Raises
-    ------
-    FileNotFoundError
-        If the folder holds no training of several seeds.
-    ValueError
-        If a file is damaged.
+    Parameters are those of `wt_gym.learning.train.resume`; new limits hold for every seed, from now on. Errors: a
+    `FileNotFoundError` if the folder holds no training of several seeds, a `ValueError` if a file is damaged.
     """
     folder = Path(folder)
     plan = read_plan(folder)
@@ -103,14 +86,11 @@ def resume_seeds(
 
     def resume_seed(seed: int, stop: StopRequest) -> dict[str, Any]:
         run = RunFolder(seed_folder(folder, seed))
-        record = run.record() if run.model.exists() else None  # none: stopped by force before anything was saved
-        if record is None or not config.continues(record.get("config")):
-            fresh = replace(config, seed=seed)
-            return train(fresh, run.path, overwrite=True, progress=progress, stop=stop, learner=learner)
-        if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
-            return record
-        limits: dict[str, Any] = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
-        return resume(run.path, **limits, progress=progress, stop=stop, learner=learner)
+        more: dict[str, Any] = {"progress": progress, "stop": stop, "learner": learner}
+        record = run.record() if run.model.exists() else {}  # none: stopped by force before anything was saved
+        if config.continues(record.get("config")):
+            return _continued(config, run, record, **more)
+        return train(replace(config, seed=seed), run.path, overwrite=True, **more)
 
     with RunFolder(folder), stop_on_signals() as stop:
         _write(folder, plan)  # the next one to resume has these limits, however this ends
@@ -119,15 +99,19 @@ def resume_seeds(
 
 def seeds_table(runs: list[dict[str, Any]]) -> list[str]:
     """Lines of a table: each seed's best model, and mean and standard deviation over the seeds."""
+    columns = {
+        "steps": (12, "d"),
+        "episode_return": (7, "+.2f"),
+        "mean_power": (7, "+.2%"),
+        "blade_flap_del": (9, "+.1%"),
+    }
     lines = ["seed   steps  return  best: steps  return   power  flap DEL   (against the baseline, other winds)"]
     for run in runs:
-        best = run["best"] or {}
-        lines.append(
-            f"{run['seed']:4d} {run['steps']:7d} {_text(run['recent_return'], '7.1f')}"
-            f" {_text(best.get('steps'), '12d')} {_text(best.get('episode_return'), '+7.2f')}"
-            f" {_text(best.get('mean_power'), '+7.2%')} {_text(best.get('blade_flap_del'), '+9.1%')}"
-        )
-    for name, pattern in (("episode_return", "+.2f"), ("mean_power", "+.2%"), ("blade_flap_del", "+.1%")):
+        best, recent = run["best"] or {}, run["recent_return"]
+        cells = [(recent, 7, ".1f"), *((best.get(name), *form) for name, form in columns.items())]
+        texts = [("-" if value is None else f"{value:{form}}").rjust(width) for value, width, form in cells]
+        lines.append(" ".join([f"{run['seed']:4d} {run['steps']:7d}", *texts]))
+    for name, (_, pattern) in list(columns.items())[1:]:
         values = [run["best"][name] for run in runs if run["best"] and run["best"][name] is not None]
         if len(values) > 1:
             mean, deviation = np.mean(values), np.std(values, ddof=1)
@@ -135,33 +119,20 @@ def seeds_table(runs: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def _text(value: float | None, pattern: str) -> str:
-    """A number, or a dash of the same width where there is none."""
-    width = int(pattern.lstrip("+").split(".")[0].rstrip("d"))
-    return f"{value:{pattern}}" if value is not None else "-".rjust(width)
-
-
 def _write(folder: Path, plan: dict[str, Any]) -> None:
-    text = json.dumps(plan, indent=1, default=str) + "\n"
-    write_text_whole(folder / SEEDS_FILE, text)
+    write_text_whole(folder / SEEDS_FILE, json.dumps(plan, indent=1, default=str) + "\n")
 
 
 def _collect(
     folder: Path, plan: dict[str, Any], seeds: list[int], records: Iterable[dict[str, Any]], stop: StopRequest
 ) -> dict[str, Any]:
-    """Run through the trainings until somebody asks to stop; keep and give the summary."""
+    """Run the trainings until somebody asks to stop; write and return the summary."""
     runs = []
     for seed, record in zip(seeds, records, strict=True):
-        evaluation, recent = record["evaluation"] or {}, record["curve"]["episode_return"][-_RECENT:]
-        runs.append(
-            {
-                "seed": seed,
-                "status": record["status"],
-                "steps": record["steps"],
-                "recent_return": float(np.mean(recent)) if recent else None,
-                "best": evaluation.get("best"),
-            }
-        )
+        recent = record["curve"]["episode_return"][-_RECENT:]
+        row = {"seed": seed, "status": record["status"], "steps": record["steps"]}
+        row["recent_return"] = float(np.mean(recent)) if recent else None
+        runs.append(row | {"best": (record["evaluation"] or {}).get("best")})
         if stop.signal_number is not None:
             break
     interrupted = len(runs) < len(seeds) or runs[-1]["status"] == "interrupted"
@@ -179,7 +150,7 @@ def _collect(
 def resume_or_train(
     config: TrainingConfig, folder: str | Path, seeds: Sequence[int] | None = None, *, learner: Learner | None = None
 ) -> dict[str, Any]:
-    """Train, or resume where the folder holds this training already.
+    """Train, or resume where the folder holds this training already; a ValueError where it holds another one.
 
     Parameters
     ----------
@@ -191,15 +162,9 @@ def resume_or_train(
     Returns
     -------
     dict
-        The record; of several seeds the summary. A training that has done its steps gives what is there.
-
-    Raises
-    ------
-    ValueError
-        If the folder holds another training, or a damaged one.
+        The record, as it is of a training that has done its steps; of several seeds the summary.
     """
     folder = Path(folder)
-    limits: dict[str, Any] = {"total_steps": config.total_steps, "max_seconds": config.max_seconds}
     if seeds is not None:
         if not (folder / SEEDS_FILE).is_file():
             return train_seeds(config, folder, seeds, learner=learner)
@@ -207,7 +172,7 @@ def resume_or_train(
         _refuse_other(config, plan["config"], folder)
         if plan["seeds"] != list(seeds):
             raise ValueError(f"the seeds must be {plan['seeds']}, those of the training in {folder}; got {list(seeds)}")
-        return resume_seeds(folder, **limits, learner=learner)
+        return resume_seeds(folder, total_steps=config.total_steps, max_seconds=config.max_seconds, learner=learner)
     if (folder / SEEDS_FILE).is_file():
         raise ValueError(f"{folder} holds a training with the seeds {read_plan(folder)['seeds']}: give --seeds")
     run = RunFolder(folder)
@@ -219,9 +184,14 @@ def resume_or_train(
         raise ValueError(
             f"the seed must be {record['config']['seed']}, that of the training in {folder}; got {config.seed}"
         )
-    if record["status"] == "finished" and record["steps"] >= config.total_steps:
+    return _continued(config, run, record, learner=learner)
+
+
+def _continued(config: TrainingConfig, run: RunFolder, record: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """Resume a training with the limits of a configuration, unless its steps are done."""
+    if record.get("status") == "finished" and record.get("steps", 0) >= config.total_steps:
         return record
-    return resume(folder, **limits, learner=learner)
+    return resume(run.path, total_steps=config.total_steps, max_seconds=config.max_seconds, **more)
 
 
 def _refuse_other(config: TrainingConfig, record: Any, folder: Path) -> None:

@@ -6,7 +6,7 @@ import importlib.util
 import os
 import sys
 import time
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import closing
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.logger import Logger, configure
+from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
 import wt_gym
 from wt_gym.envs.layout import layout_of
@@ -31,12 +32,12 @@ from wt_gym.learning.callbacks import (
     Watch,
     stop_on_signals,
 )
-from wt_gym.learning.environments import BudgetUpdates, budgeted_of, make_training_env
+from wt_gym.learning.environments import BudgetedVecEnv, BudgetUpdates, make_training_env
 from wt_gym.learning.models import load_model, make_model, save_model, save_replay_buffer
 from wt_gym.learning.options import PretrainingOptions, TrainingConfig
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -59,9 +60,9 @@ class Learner:
     engine : str
         Of `wt_gym.experiment.execute.ENGINES`.
     packages : tuple of str
-        Whose versions the record names.
+        The record names their versions.
     samples_here : bool
-        Whether the environments of this process are stepped; otherwise one stands for all.
+        The environments of this process are stepped; otherwise one stands for all, and no callback sees single steps.
     """
 
     engine = "local"
@@ -69,11 +70,7 @@ class Learner:
     samples_here = True
 
     def check(self, config: TrainingConfig) -> None:
-        """Refuse a configuration that this one cannot learn by, by a ValueError; this one takes all."""
-
-    def figures(self) -> list[BaseCallback]:
-        """Callbacks that look at every single step."""
-        return [EpisodeFigures()]
+        """Refuse a configuration that this learner does not support, by a ValueError; this one supports all."""
 
     def learn(
         self, config: TrainingConfig, model: BaseAlgorithm, run: RunFolder, callbacks: Sequence[BaseCallback]
@@ -128,12 +125,10 @@ def train(
     Raises
     ------
     ValueError
-        If the folder holds a training already or another process trains in it, environment and hyperparameters cannot
-        be had, or nothing would hold a budget.
+        If the folder holds a training already or another process trains in it, or the environment cannot be made.
     """
     config, learner = config.with_hyperparameters(), learner or Learner()
     learner.check(config)
-    _refuse_budgets_of_a_pretraining(config)
     with RunFolder(folder) as run:
         run.refuse_used(overwrite)
         with closing(_environments(config, learner)) as venv:
@@ -145,16 +140,6 @@ def train(
             record = session.learn(progress, stop)
             run.remove_recordings()
             return record
-
-
-def _refuse_budgets_of_a_pretraining(config: TrainingConfig) -> None:
-    """A pretraining knows what its offsets travel, and PPO after it holds the other budgets."""
-    others = sorted(set(config.budgets or {}) - {PITCH_TRAVEL})
-    if config.pretraining is not None and not config.total_steps and others:
-        raise ValueError(
-            f"a pretraining alone keeps a budget of {PITCH_TRAVEL}, and PPO after it the others: give steps, or leave "
-            f"out {', '.join(others)}"
-        )
 
 
 def resume(
@@ -248,16 +233,14 @@ class _Session:
         self._sessions = list(_entry(before, "sessions", list, []))
         self._curve = _curve(before, _CURVE, self._first_step)
         evaluated = _entry(before, "evaluation", dict, None) or {}
-        self._evaluation_seconds = _entry(evaluated, "seconds", float, 0.0)
         self._pretraining = before.get("pretraining")
-        budgeted = budgeted_of(venv)
+        budgeted = unwrap_vec_wrapper(venv, BudgetedVecEnv)
         self._budgets = None if budgeted is None else BudgetUpdates(budgeted, before.get("budgets"))
-        self._evaluation = self._evaluations = None
+        self._evaluations = None
         if config.eval_every:
-            self._evaluation = SelectionEvaluation(config, self._wind, evaluated)
             self._evaluations = Evaluations(
                 config.eval_every,
-                self._evaluation,
+                SelectionEvaluation(config, self._wind, evaluated),
                 lambda: TrainedAgent(model, venv, {"wind_seeds": list(self._wind.seeds or ())}),
                 _curve({"curve": evaluated.get("curve", {})}, _EVALUATION_CURVE, self._first_step),
                 self._save_best,
@@ -265,20 +248,17 @@ class _Session:
             )
 
     def pretrain(self, progress: bool, stop: StopRequest | None) -> None:
-        """Change the fresh model by gradient on an identified model, before it learns in the environment.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            Where somebody asks to stop; the same training, begun again, resumes with what has been recorded.
-        """
-        from wt_gym.learning.pretraining import pretrain
+        """Change the fresh model by gradient on an identified one; KeyboardInterrupt where somebody asks to stop."""
+        from wt_gym.learning.pretraining import Execution, pretrain
 
         config = self._config
         began = time.monotonic()
         workers = min(config.n_envs, os.cpu_count() or 1)
         options = PretrainingOptions.from_dict(config.pretraining or {})
-        say = (lambda line: print(line, file=sys.stderr, flush=True)) if progress else None
+
+        def say(line: str) -> None:
+            if progress:
+                print(line, file=sys.stderr, flush=True)
 
         def check() -> None:
             if request.signal_number is not None:
@@ -287,27 +267,23 @@ class _Session:
                     "the same command resumes with them"
                 )
 
-        with (
-            stop_on_signals() if stop is None else nullcontext(stop) as request,
-            executor_for("local", workers, None) as executor,
-        ):
+        with stop_on_signals(stop) as request, executor_for("local", workers, None) as executor:
             self._pretraining = pretrain(
-                self._model, config.env_id, config.env_kwargs, options, executor, config.seed, say, check,
-                (config.budgets or {}).get(PITCH_TRAVEL), self._run.recordings,
+                self._model, config.env_id, config.env_kwargs, options,
+                Execution(executor, say, check, self._run.recordings), config.seed,
+                (config.budgets or {}).get(PITCH_TRAVEL),
             )  # fmt: skip
         self._pretraining["seconds"] = round(time.monotonic() - began, 1)
 
     def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:
         """Train until the steps are done, time is over or somebody asks to stop; give the record."""
         config, model = self._config, self._model
-        with stop_on_signals() if stop is None else nullcontext(stop) as self._stop, self._logger():
+        with stop_on_signals(stop) as self._stop, closing(self._logger()):
             self._watch = Watch(config, self._layout.control_dt, self._curve, self._stop, progress)
-            callbacks = [self._watch, *self._learner.figures()]
-            if self._budgets is not None:
-                callbacks.append(self._budgets)
-            if self._evaluations is not None:
-                callbacks.append(self._evaluations)
-            callbacks.append(Checkpoints(config.checkpoint_steps, config.checkpoint_minutes, self._checkpoint))
+            figures = EpisodeFigures() if self._learner.samples_here else None
+            checkpoints = Checkpoints(config.checkpoint_steps, config.checkpoint_minutes, self._checkpoint)
+            every = (self._watch, figures, self._budgets, self._evaluations, checkpoints)
+            callbacks: list[BaseCallback] = [callback for callback in every if callback is not None]
             self._run.write_record(self._record("running"))
             # no step needs no episode, and the first one may take minutes to begin
             if config.total_steps > 0 or self._evaluations is not None:
@@ -323,19 +299,12 @@ class _Session:
             self._save(record)
         return record
 
-    @contextmanager
-    def _logger(self) -> Iterator[None]:
-        """Write to TensorBoard, if it is asked for and installed."""
-        if self._config.tensorboard is False or importlib.util.find_spec("tensorboard") is None:
-            self._model.set_logger(Logger(None, []))
-            yield
-            return
-        logger = configure(str(self._run.tensorboard), ["tensorboard"])
+    def _logger(self) -> Logger:
+        """Logger of the model, which writes to TensorBoard if that is wanted and installed."""
+        silent = self._config.tensorboard is False or importlib.util.find_spec("tensorboard") is None
+        logger = Logger(None, []) if silent else configure(str(self._run.tensorboard), ["tensorboard"])
         self._model.set_logger(logger)
-        try:
-            yield
-        finally:
-            logger.close()
+        return logger
 
     def _save(self, record: dict[str, Any]) -> None:
         """Write all that resuming needs."""
@@ -379,7 +348,7 @@ class _Session:
             "pretraining": self._pretraining,
             "budgets": None if self._budgets is None else self._budgets.record(config.budgets or {}),
             "curve": self._curve,
-            "evaluation": self._evaluation_record(),
+            "evaluation": None if self._evaluations is None else self._evaluations.record(),
             "sessions": [*self._sessions, session],
         }
 
@@ -391,27 +360,9 @@ class _Session:
         before = () if options is None else PretrainingOptions.from_dict(options).wind_seeds
         return sorted({*map(int, self._wind.seeds), *before})
 
-    def _evaluation_record(self) -> dict[str, Any] | None:
-        """Evaluations while training, as JSON values."""
-        if self._evaluations is None or self._evaluation is None:
-            return None
-        return {
-            "winds": [asdict(wind) for wind in self._evaluation.winds],
-            "baseline": self._evaluation.baseline,
-            "curve": self._evaluations.curve,
-            "best": self._evaluations.best,
-            "seconds": self._evaluation_seconds + self._evaluation.seconds,
-        }
-
 
 def _entry(record: dict[str, Any], name: str, kind: type, missing: Any) -> Any:
-    """Entry of the record of an earlier session.
-
-    Raises
-    ------
-    ValueError
-        If it is of another type.
-    """
+    """Entry of the record of an earlier session."""
     value = record.get(name)
     if value is None:
         return missing
@@ -421,13 +372,7 @@ def _entry(record: dict[str, Any], name: str, kind: type, missing: Any) -> Any:
 
 
 def _curve(record: dict[str, Any], names: tuple[str, ...], steps: int) -> dict[str, list[Any]]:
-    """Curve of an earlier session up to the steps of its model, or an empty one.
-
-    Raises
-    ------
-    ValueError
-        If it lacks a column, or they differ in length.
-    """
+    """Curve of an earlier session up to the steps of its model, or an empty one."""
     curve: dict[str, Any] = _entry(record, "curve", dict, {}) or {name: [] for name in names}
     columns: list[Any] = [curve.get(name) for name in names]
     if not all(isinstance(column, list) and len(column) == len(columns[0]) for column in columns):

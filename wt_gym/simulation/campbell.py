@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
-from scipy.optimize import linear_sum_assignment
+from scipy.optimize import isotonic_regression, linear_sum_assignment
 
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import whole_file
@@ -34,46 +34,24 @@ RPM = np.pi / 30.0
 
 @dataclass(frozen=True)
 class CampbellDiagram:
-    """Modes of a turbine over a series of operating points.
+    """Modes of a turbine over a series of operating points."""
 
-    Attributes
-    ----------
-    abscissa : str
-        "rotor_speed" or "wind_speed".
-    wind_speed, rotor_speed, pitch : arrays (n_points,)
-        [m/s], [rad/s], collective pitch [rad].
-    names : tuple of str
-        Modes, by their mean frequency, each named where its participation is clearest.
-    frequency, damping : arrays (n_modes, n_points)
-        Damped frequency [Hz] and damping ratio [-]; NaN where a mode does not oscillate.
-    turbine, description : str
-        For titles.
-    generator : str
-        "locked", at constant speed, or "free", at constant torque.
-    rated : float
-        Rated rotor speed [rad/s] or rated wind speed [m/s], as the abscissa; NaN if not known.
-    """
-
-    abscissa: str
+    abscissa: str  #: "rotor_speed" or "wind_speed"
     wind_speed: Array
     rotor_speed: Array
-    pitch: Array
-    names: tuple[str, ...]
+    pitch: Array  #: wind_speed, rotor_speed, pitch: [m/s], [rad/s], collective pitch [rad]; arrays (n_points,)
+    names: tuple[str, ...]  #: Modes, by their mean frequency, each named where its participation is clearest
     frequency: Array
     damping: Array
+    """frequency, damping: damped frequency [Hz] and damping ratio [-]; NaN where a mode does not oscillate; arrays
+    (n_modes, n_points)."""
     turbine: str = ""
-    description: str = ""
-    generator: str = "locked"
-    rated: float = math.nan
+    description: str = ""  #: turbine, description: for titles
+    generator: str = "locked"  #: "locked", at constant speed, or "free", at constant torque
+    rated: float = math.nan  #: Rated rotor speed [rad/s] or rated wind speed [m/s], as the abscissa; NaN if not known
 
     def rows(self) -> list[dict[str, float | str]]:
-        """Tidy table: one dict for each mode at each point.
-
-        Returns
-        -------
-        list of dict
-            Keys wind_speed [m/s], rotor_speed_rpm, pitch_deg, mode, frequency_hz, damping_ratio.
-        """
+        """Tidy table, one dict for each mode at each point; wind_speed in m/s, others as their keys say."""
         return [
             {
                 "wind_speed": float(self.wind_speed[i]),
@@ -97,12 +75,7 @@ class CampbellDiagram:
             writer.writerows(rows)
 
     def figure(self) -> Figure:
-        """Frequencies with the rotor's harmonics, and damping below; families by color, whirls by line style.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
+        """Frequencies with the rotor's harmonics, and damping below; families by color, whirls by line style."""
         return campbell_figure(self)
 
 
@@ -265,7 +238,7 @@ def _assemble(
         tuple(names[k] for k in order),
         frequency[order],
         damping[order],
-        simulator.turbine.title,
+        simulator.turbine.heading,
         words.get(aerodynamics, "in operation, quasi-steady aerodynamics"),
         generator,
         turbine.drivetrain.rated_rotor_speed if abscissa == "rotor_speed" else turbine.rated_wind_speed,
@@ -332,25 +305,14 @@ def spread(places: Sequence[float], distance: float, low: float, high: float) ->
         Between neighbors; less if they do not fit.
     low, high : float
         Range of the labels.
-
-    Returns
-    -------
-    numpy.ndarray
     """
     order = np.argsort(places, kind="stable")
     count = len(order)
     if count == 0:
         return np.zeros(0)
     distance = min(distance, (high - low) / max(count - 1, 1))
-    # least squares with a least distance: isotonic regression of the places less their least rises (pool neighbors)
-    wanted = np.asarray(places, dtype=np.float64)[order] - distance * np.arange(count)
-    pools: list[tuple[float, int]] = []
-    for value in wanted:
-        pools.append((float(value), 1))
-        while len(pools) > 1 and pools[-2][0] > pools[-1][0]:
-            (b, m), (a, n) = pools.pop(), pools.pop()
-            pools.append(((a * n + b * m) / (n + m), n + m))
-    settled = np.concatenate([np.full(n, value) for value, n in pools])
+    # least squares with a least distance: isotonic regression of the places less their least rises
+    settled = isotonic_regression(np.asarray(places, dtype=np.float64)[order] - distance * np.arange(count)).x
     settled = np.clip(settled, low, high - distance * (count - 1)) + distance * np.arange(count)
     out = np.empty(count)
     out[order] = settled
@@ -358,12 +320,7 @@ def spread(places: Sequence[float], distance: float, low: float, high: float) ->
 
 
 def campbell_figure(diagram: CampbellDiagram) -> Figure:
-    """Draw frequencies above and damping below, on an axis that spreads the lightly damped modes.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw frequencies above and damping below, on an axis that spreads the lightly damped modes."""
     by_rotor = diagram.abscissa == "rotor_speed"
     x = diagram.rotor_speed * 30.0 / np.pi if by_rotor else diagram.wind_speed
     rated = diagram.rated * 30.0 / np.pi if by_rotor else diagram.rated

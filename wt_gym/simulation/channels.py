@@ -38,25 +38,16 @@ from wt_gym.turbines.variants import REFLECTION, REFLECTION_6
 
 @dataclass(frozen=True)
 class Channel:
-    """One signal.
-
-    Attributes
-    ----------
-    openfast : str
-        OpenFAST's name of the same quantity (its unit may differ), or "".
-    parity : int
-        `EVEN` or `ODD`: sign with which the signal goes into that of the mirror image, in which y is −y and the rotor
-        turns the other way.
-    group : str
-        Name without the number of the blade.
-    """
+    """One signal."""
 
     name: str
     unit: str
-    openfast: str
+    openfast: str  #: OpenFAST's name of the same quantity (its unit may differ), or ""
     parity: int
+    """`EVEN` or `ODD`: sign with which the signal goes into that of the mirror image, in which y is −y and the rotor
+    turns the other way."""
     description: str
-    group: str
+    group: str  #: Name without the number of the blade
 
 
 EVEN, ODD = 1, -1
@@ -70,13 +61,7 @@ _SINGLE = (
     ("wind_x", "m/s", "WindHubVelX", EVEN, "Undisturbed wind at the hub, downwind component"),
     ("wind_y", "m/s", "WindHubVelY", ODD, "Undisturbed wind at the hub, to the left looking downwind"),
     ("wind_z", "m/s", "WindHubVelZ", EVEN, "Undisturbed wind at the hub, upward"),
-    (
-        "rotor_speed",
-        "rad/s",
-        "RotSpeed",
-        EVEN,
-        "Angular speed of the hub against the nacelle, positive as the rotor turns",
-    ),
+    ("rotor_speed", "rad/s", "RotSpeed", EVEN, "Speed of the hub against the nacelle, positive as the rotor turns"),
     ("azimuth", "rad", "Azimuth", EVEN, "Azimuth of blade 1 in the sense of rotation, zero when it points up, 0 … 2π"),
     ("generator_speed", "rad/s", "GenSpeed", EVEN, "High-speed shaft"),
     ("generator_torque", "N m", "GenTq", EVEN, "Electrical torque on the high-speed shaft"),
@@ -89,13 +74,7 @@ _SINGLE = (
     ("yaw_error", "rad", "NacYawErr", ODD, "Wind direction at the hub minus nacelle yaw"),
     ("tower_top_fore_aft", "m", "", EVEN, "Tower-top displacement along the nacelle's heading, positive downwind"),
     ("tower_top_side_side", "m", "", ODD, "Tower-top displacement across the nacelle's heading, to the left"),
-    (
-        "tower_base_fore_aft_moment",
-        "N m",
-        "",
-        EVEN,
-        "Tower-base moment that bends the tower along the heading of the nacelle",
-    ),
+    ("tower_base_fore_aft_moment", "N m", "", EVEN, "Tower-base moment that bends the tower along the heading"),
     ("tower_base_side_side_moment", "N m", "", ODD, "Tower-base moment about the heading of the nacelle"),
     ("tower_base_torsion", "N m", "TwrBsMzt", ODD, "Tower-base moment about z"),
     ("nacelle_acceleration_fore_aft", "m/s^2", "", EVEN, "Tower-top acceleration along the nacelle's x axis"),
@@ -278,8 +257,7 @@ _DIRECTIONS = {"x": EVEN, "y": ODD, "z": EVEN, "turn_x": ODD, "turn_y": EVEN, "t
 
 def reflected_loads(loads: Array) -> Array:
     """Force and moment (6,) in global axes, of the other side of the mirror."""
-    result: Array = loads * REFLECTION_6
-    return result
+    return np.asarray(loads * REFLECTION_6)
 
 
 def reflected_shapes(shapes: Mapping[str, Array]) -> dict[str, Array]:

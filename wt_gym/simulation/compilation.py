@@ -145,11 +145,12 @@ def compile_ahead(simulator: type[_Simulator], turbine: Turbine, fidelity: str |
         As of `wt_gym.simulation.Simulator`.
     """
     with compiling(), _help(turbine, fidelity) as helper:
-        coupling = _at_rest(simulator, turbine, fidelity).coupling
+        coupling = simulator(turbine, SteadyInflow(8.0), fidelity).coupling
         compile_structure(coupling)
         if helper is not None:
             _wait_for_air(helper)
-        _compile_step(coupling)
+        if coupling.models.lattice.split is None:
+            coupling.compiled_step()
         if helper is not None and helper.wait():
             _log.info("the process that helped to compile ended with status %d", helper.returncode)
 
@@ -158,12 +159,20 @@ def compile_ahead(simulator: type[_Simulator], turbine: Turbine, fidelity: str |
 def _help(turbine: Turbine, fidelity: str | Fidelity) -> Iterator[subprocess.Popen[bytes] | None]:
     """A process that has begun to compile the air; None where none can be had."""
     try:
-        helper = _begin(turbine, fidelity)
+        with tempfile.TemporaryFile() as given:
+            given.write(json.dumps([path for path in sys.path if isinstance(path, str)]).encode() + b"\n")
+            pickle.dump((turbine, fidelity), given)
+            given.seek(0)
+            helper = subprocess.Popen(
+                [get_executable(), "-P", "-c", HELPER],
+                stdin=given,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,  # what goes wrong there goes wrong here again
+                env=os.environ | {COMPILE_ALONE: "1"},
+            )
     # what only this process knows cannot be pickled, and there may be no more processes, or no interpreter to run
     except (pickle.PicklingError, AttributeError, TypeError, ValueError, RecursionError, OSError) as error:
         _log.info("nobody helps to compile: %s", error)
-        helper = None
-    if helper is None:
         yield None
         return
     with helper:
@@ -171,20 +180,6 @@ def _help(turbine: Turbine, fidelity: str | Fidelity) -> Iterator[subprocess.Pop
             yield helper
         finally:
             helper.kill()  # nothing, if it has ended
-
-
-def _begin(turbine: Turbine, fidelity: str | Fidelity) -> subprocess.Popen[bytes]:
-    with tempfile.TemporaryFile() as given:
-        given.write(json.dumps([path for path in sys.path if isinstance(path, str)]).encode() + b"\n")
-        pickle.dump((turbine, fidelity), given)
-        given.seek(0)
-        return subprocess.Popen(
-            [get_executable(), "-P", "-c", HELPER],
-            stdin=given,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,  # what goes wrong there goes wrong here again
-            env=os.environ | {COMPILE_ALONE: "1"},
-        )
 
 
 def _wait_for_air(helper: subprocess.Popen[bytes]) -> None:
@@ -202,34 +197,17 @@ def help_to_compile(simulator: type[_Simulator]) -> None:
         _compile_air(turbine, fidelity)
         answer.write(_AIR_IS_READY)
         answer.flush()
-        _compile_start(simulator, turbine, fidelity)
-
-
-def _at_rest(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fidelity) -> _Simulator:
-    return simulator(turbine, SteadyInflow(8.0), fidelity)
-
-
-def _compile_start(simulator: type[_Simulator], turbine: Turbine, fidelity: str | Fidelity) -> None:
-    """Compile the start beyond structure and air, by starting, and the wind of a step."""
-    started = _at_rest(simulator, turbine, fidelity)
-    started.reset(rotor_speed=turbine.drivetrain.rated_rotor_speed)
-    started.coupling.wind.compile()
+        started = simulator(turbine, SteadyInflow(8.0), fidelity)
+        started.reset(rotor_speed=turbine.drivetrain.rated_rotor_speed)
+        started.coupling.wind.compile()  # the wind of a step
 
 
 def compile_structure(coupling: Coupling) -> None:
     """What moves the structure, by letting it begin to move, and what only the compiled step calls."""
     structure = coupling.models.structure
-    coupling.begin_motion(
-        structure.adopt(structure, structure.system.initial_state())
-    )  # which puts free bodies in place
+    coupling.begin_motion(structure.adopt(structure, structure.system.initial_state()))  # free bodies in place
     for kernel, arguments in coupling.parts_without_air():
         kernel.compile(argument_types(arguments))
-
-
-def _compile_step(coupling: Coupling) -> None:
-    """The step of structure and air together, where it is compiled as a whole."""
-    if coupling.models.lattice.split is None:
-        coupling.compiled_step()
 
 
 def _compile_air(turbine: Turbine, fidelity: str | Fidelity) -> None:

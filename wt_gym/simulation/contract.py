@@ -141,21 +141,11 @@ def fingerprint(*parts: object) -> str:
 
 @dataclass(frozen=True, eq=False)
 class SimulatorState:
-    """Every number a simulation needs to continue bit for bit.
+    """Every number a simulation needs to continue bit for bit."""
 
-    Attributes
-    ----------
-    arrays : dict of str to array
-        Own copies.
-    n_steps : int
-        Aerodynamic steps since the start.
-    model : str
-        Fingerprint of the simulator's turbine and fidelity.
-    """
-
-    arrays: dict[str, NDArray[Any]]
-    n_steps: int
-    model: str
+    arrays: dict[str, NDArray[Any]]  #: Own copies
+    n_steps: int  #: Aerodynamic steps since the start
+    model: str  #: Fingerprint of the simulator's turbine and fidelity
 
     @classmethod
     def take(cls, arrays: Mapping[str, NDArray[Any]], n_steps: int, model: str) -> SimulatorState:

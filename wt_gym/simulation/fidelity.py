@@ -23,14 +23,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
-from wt_gym.base.declared import Rule, broken, check_fields, counts, number, one_of, whole
 from wt_gym.base.errors import SimulationError, did_you_mean
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.base.types import Array
 from wt_gym.base.warn_once import warn_once
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
@@ -58,169 +58,167 @@ STEP_BASE = 0.2
 """Interval that the automatic time step divides [s]; control intervals are multiples of it."""
 
 
-_MODES = "three whole counts with at least one mode"
-RULES = {
-    "time_step": number(0.0, 10.0, above=True, below=True, unit="s").or_none,
-    "corrections coupling_iterations blade_bodies": whole(1),
-    "tower_elements blade_elements": whole(4),
-    "max_substep": number(0.0, 0.5, above=True, unit="s"),
-    "formulation": one_of("embedded", "constrained", "observer"),
-    "reference_condition": one_of(*REFERENCE_CONDITIONS),
-    "frame_displacement": one_of(*DISPLACEMENTS),
-    "frame_update": Rule(
-        lambda value: value == "step" or number(0.0, above=True).fits(value),
-        "'step' or a positive displacement in meters",
-    ),
-    "tower_coordinates blade_coordinates": one_of(*COORDINATES),
-    "yaw_drive": one_of("stiff", "spring"),
-    "integrator": replace(one_of(*INTEGRATORS), fits=lambda name: isinstance(name, str) and name in INTEGRATORS),
-    "starter": one_of(*STARTERS),
-    "blade_basis": one_of("fixed", "deformed"),
-    "spectral_radius": number(0.0, 1.0).or_none,
-    "stabilization": number(0.0),
-    "tower_body": counts(2, 3, "two counts of at least 3").or_none,
-    "nacelle_body": counts(2, 5, "two counts of at least 5").or_none,
-    "tower_modes blade_modes": counts(3, 0, _MODES),
-}
 _OF_OBSERVERS = {"reference_condition": "clamped", "frame_update": "step", "frame_displacement": "second_order"}
 """Defaults of what belongs to observer frames only."""
 
 
-@dataclass(frozen=True)
-class Fidelity:
-    """Resolution of a simulation.
+def _modes(counts: tuple[int, ...]) -> tuple[int, ...]:
+    if sum(counts) < 1:
+        raise ValueError(f"must have at least one mode, got {counts}")
+    return counts
 
-    Attributes
-    ----------
-    aero : AeroOptions
-        Lattice and wake. The strides of thinned rows belong to ``aero.azimuth_step_deg``; where the step turns the
-        rotor at rated speed by another angle they follow it, rounded down, see :meth:`aero_for`.
-    time_step : float or None
-        Aerodynamic step [s]. None: the largest step that divides `STEP_BASE` and turns the rotor at rated speed by no
-        more than ``aero.azimuth_step_deg``.
-    max_substep : float
-        Longest structural step [s]; the aerodynamic step is divided into equal sub-steps, short enough also for the
-        stability of the highest structural mode.
-    stiffest_shaft : float
-        A drivetrain whose torsional frequency [Hz] is higher than this is taken as rigid.
-    corrections : int
-        Corrector passes of the Hamming scheme in each sub-step.
-    starter : str
-        First three steps of the Hamming scheme: "adams", as published, or "runge-kutta", which leaves a smaller error.
-    coupling_iterations : int
-        Most passes of structure and loads through one aerodynamic step; more, up to 20, only where the loads of the
-        blades still change by more than a tenth.
-    coupling_tolerance : float
-        The passes end when the loads change by less than this fraction of their size.
-    tower_modes : (int, int, int)
-        Fore-aft, side-side and torsion modes.
-    blade_modes : (int, int, int)
-        Flap, edge and torsion modes of each blade.
-    tower_elements, blade_elements : int
-        Finite elements from which the modes come.
-    tower_coordinates, blade_coordinates : str
-        "modal": the modes counted above; "nodal": displacements and rotations of the finite-element nodes in the
-        directions of which at least one mode is counted (fore-aft or flap, side-side or edge, torsion; along a curved
-        blade too), which needs few elements and short steps; "rigid": no deformation.
-    tower_shapes : tuple or None
-        Prescribed bending shapes of the tower instead of its modes: two tuples (fore-aft, side-side) with the
-        coefficients of (z/H)², (z/H)³, … of each shape, as many as ``tower_modes`` counts, for example
-        :data:`ELASTODYN_NREL_5MW_TOWER`.
-    yaw_drive : str
-        "stiff": the nacelle follows the yaw drive; "spring": through the yaw spring and damper of the turbine.
-    blade_bodies : int
-        Floating-frame bodies of a blade, one behind the other: with several a blade may bend far, and its bending
-        twists it. Modal bodies have the static shapes of their tips as coordinates, in the directions of which
-        ``blade_modes`` counts at least one; nodal ones the displacements of their nodes. They need an implicit
-        ``integrator``.
-    integrator : str
-        A name of `wt_gym.multibody.integrators.schemes.INTEGRATORS`. Explicit ("hamming"): the structural steps are as
-        short as the highest frequency requires. Implicit ("newmark", with ¼ and ½, and "generalized_alpha", Chung &
-        Hulbert 1993): steps of ``max_substep`` whatever the frequencies, for nodal coordinates, torsion and blades of
-        several bodies.
-    spectral_radius : float, optional
-        Of the generalized-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once. By
-        default 0.3 where blades twist (``blade_modes`` counts a torsion mode), else 0.8, see `scheme_radius`: the
-        period of the twist is about the aerodynamic step, and with 0.8 it begins to shake in turbulence after minutes,
-        which the balance of energy ends.
-    tower_shadow : bool
-        Potential flow round a cylinder acts on the blades near the tower: the cheap form of a tower in the flow.
-    tower_body : (int, int) or None
-        Panels around and along of the tower as a closed body in the lattice, which replaces the cheap form: blades,
-        wake and tower then answer each other, and the wake does not cut the tower.
-    nacelle_body : (int, int) or None
-        Panels around and along of hub and nacelle as one closed body of revolution about the shaft in the lattice, at
-        least 5 each; alone (the cheap form of the tower then stays) or with ``tower_body``, which ends a gap below it.
-        Its size is an estimate, see :func:`wt_gym.simulation.models.nacelle_surface`. It turns with the
-        nacelle, in steps of 0.25°, about the axis of the undeformed tower, unless bodies move with the tower. In
-        "training" (8, 8) takes half as much time again for a step, as much as a tower of (8, 8); the influence of all
-        panels on each other, about a millisecond for 100 of them, is inverted at each step of the yaw.
-    formulation : str
-        "embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by
-        constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the
-        embedded form is several times faster. "observer": all bodies in local observer frames, held together by
-        constraint equations (Holm-Jørgensen, Nielsen & Rubak), in implicit steps of at most ``max_substep`` by the
-        rule of ``integrator`` (`IntegratorEntry.rule`): of an explicit one, Newmark's.
-    stabilization : float
-        Baumgarte's α = β [1/s] of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect.
-    projection : bool
-        Put the state back onto the constraint equations after each structural step; without it the stabilization alone
-        holds what steps drift by.
-    moving_bodies : bool
-        The closed bodies follow the deflected tower, and that of the tower bears the force of the air on it
-        (`wt_gym.simulation.step.coupling`). Otherwise they stand about the undeformed tower and feel nothing.
-    blade_basis : str
-        "fixed": the modes of the clamped blade at rest; "deformed": those of the blade as it turns, bent and loaded,
-        recomputed at each aerodynamic step (`wt_gym.simulation.deformed_basis`).
-    reference_condition : str
-        Of the flexible bodies in observer frames: "clamped", "simply_supported" or "three_quarter", see
-        :mod:`wt_gym.multibody.observer_frame.observer_frame_body`.
-    frame_update : str or float
-        When observer frames are moved onto their bodies: every "step", or beyond this displacement [m].
-    frame_displacement : str
-        From the observer frames: "second_order", N q + ½ qᵀ H q with the geometric stiffness of axial forces, as in the
-        other forms; or "linear", N q as published, without it: a turning blade then bends farther, a tower feels no
-        P-Δ.
-    """
 
-    name: str = "custom"
-    aero: AeroOptions = field(default_factory=lambda: TRAINING)
-    time_step: float | None = None
-    max_substep: float = 0.034
-    stiffest_shaft: float = 8.0
-    corrections: int = 3
-    starter: str = "adams"
-    coupling_iterations: int = 2
-    coupling_tolerance: float = 1e-3
-    tower_modes: tuple[int, int, int] = (2, 2, 1)
-    blade_modes: tuple[int, int, int] = (2, 1, 0)
-    tower_elements: int = 12
-    blade_elements: int = 24
-    tower_coordinates: str = "modal"
-    blade_coordinates: str = "modal"
-    tower_shapes: tuple[tuple[tuple[float, ...], ...], ...] | None = None
-    yaw_drive: str = "stiff"
-    blade_bodies: int = 1
-    integrator: str = DEFAULT
-    tower_shadow: bool = True
-    tower_body: tuple[int, int] | None = None
-    nacelle_body: tuple[int, int] | None = None
-    formulation: str = "embedded"
-    spectral_radius: float | None = None
-    stabilization: float = 10.0
-    projection: bool = True
-    moving_bodies: bool = False
-    blade_basis: str = "fixed"
-    reference_condition: str = "clamped"
-    frame_update: str | float = "step"
-    frame_displacement: str = "second_order"
+def _integrator(name: str) -> str:
+    if name not in INTEGRATORS:
+        raise ValueError(f"must be one of {', '.join(INTEGRATORS)}, got {name!r}{did_you_mean(name, INTEGRATORS)}")
+    return name
 
-    def __post_init__(self) -> None:
-        """Refuse values without meaning."""
-        check_fields(self, RULES, SimulationError)
-        for name in ("tower_modes", "blade_modes"):
-            if sum(getattr(self, name)) < 1:
-                raise broken(self, name, _MODES, SimulationError)
+
+@option_record
+class Fidelity(Options):
+    """Resolution of a simulation."""
+
+    title = "fidelity"
+    prefix = "Fidelity."
+    error = SimulationError
+
+    name: str = option("of the fidelity", default="custom")
+    aero: AeroOptions = option(
+        "lattice and wake. The strides of thinned rows belong to ``aero.azimuth_step_deg``; where the step turns the "
+        "rotor at rated speed by another angle they follow it, rounded down, see :meth:`aero_for`",
+        default=TRAINING,
+        kinds=(AeroOptions,),
+    )
+    time_step: float | None = option(
+        "aerodynamic; by default of `step_for`", default=None, unit="s", low=0, high=10, above=True, below=True
+    )
+    max_substep: float = option(
+        "longest structural; shorter for the highest modes", default=0.034, unit="s", low=0, high=0.5, above=True
+    )
+    stiffest_shaft: float = option(
+        "a drivetrain with a higher torsional frequency is taken as rigid", default=8.0, unit="Hz", low=0
+    )
+    corrections: int = option("corrector passes of the Hamming scheme in each sub-step", default=3, low=1)
+    starter: str = option(
+        'first steps of Hamming\'s scheme; "runge-kutta" has a smaller error', default="adams", choices=STARTERS
+    )
+    coupling_iterations: int = option(
+        "most passes of structure and loads through one aerodynamic step; more, up to 20, only where the loads of the "
+        "blades still change by more than a tenth",
+        default=2,
+        low=1,
+    )
+    coupling_tolerance: float = option(
+        "the passes end when the loads change by less than this fraction of their size", default=1e-3
+    )
+    tower_modes: tuple[int, int, int] = option(
+        "fore-aft, side-side and torsion modes", default=(2, 2, 1), low=0, check=_modes
+    )
+    blade_modes: tuple[int, int, int] = option(
+        "flap, edge and torsion modes of each blade", default=(2, 1, 0), low=0, check=_modes
+    )
+    tower_elements: int = option("finite elements of the tower from which the modes come", default=12, low=4)
+    blade_elements: int = option("finite elements of a blade", default=24, low=4)
+    tower_coordinates: str = option(
+        '"modal": the modes counted above; "nodal": displacements and rotations of the finite-element nodes in the '
+        "directions of which at least one mode is counted (fore-aft or flap, side-side or edge, torsion; along a "
+        'curved blade too), which needs few elements and short steps; "rigid": no deformation',
+        default="modal",
+        choices=COORDINATES,
+    )
+    blade_coordinates: str = option("likewise", default="modal", choices=COORDINATES)
+    tower_shapes: tuple[tuple[tuple[float, ...], ...], ...] | None = option(
+        "prescribed bending shapes of the tower instead of its modes: two tuples (fore-aft, side-side) with the "
+        "coefficients of (z/H)², (z/H)³, … of each shape, as many as ``tower_modes`` counts, for example "
+        ":data:`ELASTODYN_NREL_5MW_TOWER`",
+        default=None,
+    )
+    yaw_drive: str = option(
+        '"spring": through the yaw spring and damper of the turbine', default="stiff", choices=("stiff", "spring")
+    )
+    blade_bodies: int = option(
+        "floating-frame bodies of a blade, one behind the other: with several a blade may bend far, and its bending "
+        "twists it. Modal bodies have the static shapes of their tips as coordinates, in the directions of which "
+        "``blade_modes`` counts at least one; nodal ones the displacements of their nodes. They need an implicit "
+        "``integrator``",
+        default=1,
+        low=1,
+    )
+    integrator: str = option(
+        'a name of `wt_gym.multibody.integrators.schemes.INTEGRATORS`. Explicit ("hamming"): the structural steps are '
+        'as short as the highest frequency requires. Implicit ("newmark", with ¼ and ½, and "generalized_alpha", '
+        "Chung & Hulbert 1993): steps of ``max_substep`` whatever the frequencies, for nodal coordinates, torsion and "
+        "blades of several bodies",
+        default=DEFAULT,
+        check=_integrator,
+    )
+    tower_shadow: bool = option(
+        "potential flow round a cylinder acts on the blades near the tower: the cheap form of a tower in the flow",
+        default=True,
+    )
+    tower_body: tuple[int, int] | None = option(
+        "panels around and along of the tower as a closed body in the lattice, which replaces the cheap form: blades, "
+        "wake and tower then answer each other, and the wake does not cut the tower",
+        default=None,
+        low=3,
+    )
+    nacelle_body: tuple[int, int] | None = option(
+        "panels around and along of hub and nacelle as one closed body of revolution about the shaft in the lattice; "
+        "alone (the cheap form of the tower then stays) or with ``tower_body``, which ends a gap below it. Its size is "
+        "an estimate, see :func:`wt_gym.simulation.models.nacelle_surface`. It turns with the nacelle, in steps of "
+        '0.25°, about the axis of the undeformed tower, unless bodies move with the tower. In "training" (8, 8) takes '
+        "half as much time again for a step, as much as a tower of (8, 8); the influence of all panels on each other, "
+        "about a millisecond for 100 of them, is inverted at each step of the yaw",
+        default=None,
+        low=5,
+    )
+    formulation: str = option(
+        '"embedded": blades on joints, velocities of the joints only; "constrained": free blades held to the hub by '
+        "constraint equations with Lagrange multipliers (Gebhardt et al. 2012). Both describe the same turbine; the "
+        'embedded form is several times faster. "observer": all bodies in local observer frames, held together by '
+        "constraint equations (Holm-Jørgensen, Nielsen & Rubak), in implicit steps of at most ``max_substep`` by the "
+        "rule of ``integrator`` (`IntegratorEntry.rule`): of an explicit one, Newmark's",
+        default="embedded",
+        choices=("embedded", "constrained", "observer"),
+    )
+    spectral_radius: float | None = option(
+        "of the generalized-α scheme, 1 keeps all frequencies, see `scheme_radius`", default=None, low=0, high=1
+    )
+    stabilization: float = option(
+        "Baumgarte's α = β of constraints, φ̈ + 2 α φ̇ + α² φ = 0", default=10.0, unit="1/s", low=0
+    )
+    projection: bool = option(
+        "put the state back onto the constraint equations after each structural step; without it the stabilization "
+        "alone holds what steps drift by",
+        default=True,
+    )
+    moving_bodies: bool = option(
+        "the closed bodies follow the deflected tower, and that of the tower bears the force of the air on it "
+        "(`wt_gym.simulation.step.coupling`); otherwise they stand about the undeformed tower and feel nothing",
+        default=False,
+    )
+    blade_basis: str = option(
+        '"fixed": the modes of the clamped blade at rest; "deformed": those of the blade as it turns, bent and loaded, '
+        "recomputed at each aerodynamic step (`wt_gym.simulation.deformed_basis`)",
+        default="fixed",
+        choices=("fixed", "deformed"),
+    )
+    reference_condition: str = option(
+        "of bodies in observer frames (`observer_frame_body`)", default="clamped", choices=REFERENCE_CONDITIONS
+    )
+    frame_update: str | float = option(
+        'every "step", or beyond this displacement', default="step", unit="m", low=0, above=True, choices=("step",)
+    )
+    frame_displacement: str = option(
+        'from the observer frames: "second_order", N q + ½ qᵀ H q with the geometric stiffness of axial forces, as in '
+        'the other forms; or "linear", N q as published, without it: a turning blade then bends farther, a tower feels '
+        "no P-Δ",
+        default="second_order",
+        choices=DISPLACEMENTS,
+    )
+
+    def check(self) -> None:
+        """Refuse choices that do not go together."""
         if self.blade_bodies > 1 and (self.blade_coordinates == "rigid" or self._explicit):
             implicit = _integrators(lambda entry: not entry.explicit)
             raise SimulationError(
@@ -296,7 +294,10 @@ class Fidelity:
         return modal and self.formulation == "embedded" and self._explicit
 
     def step_for(self, rated_speed: float) -> float:
-        """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
+        """Aerodynamic time step [s] for a rotor with this rated speed [rad/s].
+
+        By default it is the largest that divides `STEP_BASE` and turns the rotor by at most ``aero.azimuth_step_deg``.
+        """
         if self.time_step is not None:
             return self.time_step
         longest = math.radians(self.aero.azimuth_step_deg) / rated_speed

@@ -24,39 +24,18 @@ _BLADE_CHANNEL = re.compile(rf"(?P<base>{_GROUPS})_(?P<blade>\d)(?P<rate>_rate)?
 
 @dataclass(frozen=True)
 class SteadyPoint:
-    """A steady operating point.
+    """A steady operating point."""
 
-    Attributes
-    ----------
-    wind_speed : float
-        At hub height [m/s].
-    rotor_speed : float
-        [rad/s].
-    pitch : array (n_blades,)
-        [rad].
-    yaw : float
-        Nacelle yaw [rad].
-    generator_torque : float
-        High-speed shaft [N m]; negative when the generator must drive the rotor.
-    azimuth : array (n_azimuths,)
-        At which the model was evaluated [rad].
-    states : array (n_azimuths, n_state)
-        Of the multibody system.
-    outputs : array (n_channels,)
-        Mean of all channels over the azimuths.
-    residual : float
-        Largest remaining acceleration of the averaged equations, in accelerations of the rotor's points [m/s²].
-    """
-
-    wind_speed: float
-    rotor_speed: float
-    pitch: Array
-    yaw: float
-    generator_torque: float
-    azimuth: Array
-    states: Array
-    outputs: Array
+    wind_speed: float  #: At hub height [m/s]
+    rotor_speed: float  #: [rad/s]
+    pitch: Array  #: [rad]; array (n_blades,)
+    yaw: float  #: Nacelle yaw [rad]
+    generator_torque: float  #: High-speed shaft [N m]; negative when the generator must drive the rotor
+    azimuth: Array  #: At which the model was evaluated [rad]; array (n_azimuths,)
+    states: Array  #: Of the multibody system; array (n_azimuths, n_state)
+    outputs: Array  #: Mean of all channels over the azimuths; array (n_channels,)
     residual: float
+    """Largest remaining acceleration of the averaged equations, in accelerations of the rotor's points [m/s²]."""
 
     @property
     def signals(self) -> Signals:
@@ -78,63 +57,34 @@ class RotorPoint(Protocol):
 
 @dataclass(frozen=True)
 class Mode:
-    """One oscillation of a linear model.
+    """One oscillation of a linear model."""
 
-    Attributes
-    ----------
-    name : str
-        From the coordinate with the largest participation, e.g. "flap_1 regressive".
-    frequency : float
-        Damped frequency |Im λ|/2π [Hz].
-    natural_frequency : float
-        |λ|/2π [Hz].
-    damping : float
-        Damping ratio −Re λ/|λ|; negative when unstable.
-    eigenvalue : complex
-        λ [1/s].
-    shape : array (n_states,), complex
-        Right eigenvector in the states of the model, largest entry one.
-    dual : array (n_states,), complex
-        Left eigenvector with dual · shape = 1.
-    participation : dict of str to float
-        Share of each coordinate, sum one.
-    """
-
-    name: str
-    frequency: float
-    natural_frequency: float
-    damping: float
-    eigenvalue: complex
+    name: str  #: From the coordinate with the largest participation, e.g. "flap_1 regressive".
+    frequency: float  #: Damped frequency |Im λ|/2π [Hz]
+    natural_frequency: float  #: |λ|/2π [Hz]
+    damping: float  #: Damping ratio −Re λ/|λ|; negative when unstable
+    eigenvalue: complex  #: λ [1/s]
     shape: NDArray[np.complex128] = field(repr=False, compare=False)
+    """Right eigenvector in the states of the model, largest entry one; array (n_states,), complex."""
     dual: NDArray[np.complex128] = field(repr=False, compare=False)
-    participation: dict[str, float] = field(repr=False, compare=False)
+    """Left eigenvector with dual · shape = 1; array (n_states,), complex."""
+    participation: dict[str, float] = field(repr=False, compare=False)  #: Share of each coordinate, sum one
 
 
 @dataclass(frozen=True)
 class LinearModel:
-    """ẋ = A x + B u, y = C x + D u for small changes about an operating point.
-
-    Attributes
-    ----------
-    A, B, C, D : arrays (n, n), (n, m), (p, n), (p, m)
-        SI units and radians.
-    state_names, input_names, output_names : tuple of str
-        The rate of a coordinate "name" is called "name_rate".
-    operating_point : SteadyPoint or None
-        The steady state about which the model holds.
-    multiblade : bool
-        Blade quantities are collective, cosine and sine parts instead of blades 1, 2 and 3.
-    """
+    """ẋ = A x + B u, y = C x + D u for small changes about an operating point."""
 
     A: Array
     B: Array
     C: Array
-    D: Array
+    D: Array  #: A, B, C, D: SI units and radians; arrays (n, n), (n, m), (p, n), (p, m)
     state_names: tuple[str, ...]
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
-    operating_point: SteadyPoint | None = None
-    multiblade: bool = False
+    """state_names, input_names, output_names: the rate of a coordinate "name" is called "name_rate"."""
+    operating_point: SteadyPoint | None = None  #: The steady state about which the model holds
+    multiblade: bool = False  #: Blade quantities are collective, cosine and sine parts instead of blades 1, 2 and 3
 
     def select(
         self, inputs: str | Iterable[str] | None = None, outputs: str | Iterable[str] | None = None

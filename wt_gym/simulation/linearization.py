@@ -127,7 +127,9 @@ def linearize(
     >>> model = linearize(simulator, rotor_speed=1.267, pitch=0.26, multiblade=True)  # doctest: +SKIP
     >>> [(mode.name, mode.frequency, mode.damping) for mode in model.modes()]  # doctest: +SKIP
     """
-    plant = FrozenPlant(simulator, _felt_inflow(simulator, wind_speed), aerodynamics, _lock(generator))
+    if generator not in ("free", "locked"):
+        raise SimulationError(f"generator must be free or locked, got {generator!r}")
+    plant = FrozenPlant(simulator, _felt_inflow(simulator, wind_speed), aerodynamics, generator == "locked")
     if multiblade and plant.n_blades != 3:
         raise SimulationError(f"n_blades must be 3 for multi-blade coordinates, got {plant.n_blades}")
     if operating_point is not None:
@@ -219,12 +221,6 @@ def steady_inflow(inflow: Inflow, wind_speed: float | None = None) -> SteadyInfl
     if not isinstance(profile, SteadyInflow):
         profile = SteadyInflow(float(wind_speed), inflow.hub_height)
     return replace(profile, speed=float(wind_speed))
-
-
-def _lock(generator: str) -> bool:
-    if generator not in ("free", "locked"):
-        raise SimulationError(f"generator must be free or locked, got {generator!r}")
-    return generator == "locked"
 
 
 # ---- trim ------------------------------------------------------------------------------------------------------------
@@ -338,8 +334,7 @@ def _mean_outputs(plant: FrozenPlant, states: Sequence[Array], wakes: Sequence[W
     for y, wake in zip(states, wakes, strict=True):
         plant.wake = wake
         values.append(plant.outputs(y, plant.rates(y)))
-    result: Array = np.mean(values, axis=0)
-    return result
+    return np.asarray(np.mean(values, axis=0))
 
 
 def _present(plant: FrozenPlant, simulator: LinearizedSimulator) -> tuple[SteadyPoint, list[Wake | None]]:
@@ -458,26 +453,16 @@ class LinearizedSimulator(Protocol):
 
 @dataclass(frozen=True)
 class Wake:
-    """A lattice whose wake stands still, and the rotor's position for which it was made.
-
-    Attributes
-    ----------
-    source : array (n_strip,)
-        Decambering of the reference, where each solution starts, so that the loads are a smooth function.
-    angle : float
-        Rotor azimuth [rad].
-    center, axis : array (3,)
-        Hub [m] and shaft direction.
-    slowing : array (3,)
-        What the rotor adds to the wind at the tower [m/s].
-    """
+    """A lattice whose wake stands still, and the rotor's position for which it was made."""
 
     aero: AeroState
     source: Array
-    angle: float
+    """Decambering of the reference, where each solution starts, so that the loads are a smooth function; array
+    (n_strip,)."""
+    angle: float  #: Rotor azimuth [rad]
     center: Array
-    axis: Array
-    slowing: Array
+    axis: Array  #: center, axis: hub [m] and shaft direction; array (3,)
+    slowing: Array  #: What the rotor adds to the wind at the tower [m/s]; array (3,)
 
 
 class _Gust:
@@ -517,12 +502,9 @@ class FrozenPlant:
     """
 
     def __init__(
-        self,
-        simulator: LinearizedSimulator,
-        inflow: Inflow,
-        aerodynamics: str = "quasi_steady",
+        self, simulator: LinearizedSimulator, inflow: Inflow, aerodynamics: str = "quasi_steady",
         hold_speed: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if aerodynamics not in AERODYNAMICS:
             raise SimulationError(f"aerodynamics must be one of {', '.join(AERODYNAMICS)}, got {aerodynamics!r}")
         models = simulator.coupling.models
@@ -547,11 +529,9 @@ class FrozenPlant:
             [system.index(b, "elastic_u") + k for b in parts for k in range(system.bodies[b].n_elastic)]
             for parts in s.parts
         ]
-        rates = [self._reach_of(n_q + i) for i in range(system.n_u)]
-        self.reach = np.array(rates)
-        self._servo_reach = np.array(
-            [self._reach_of(n_q + system.n_u + system.n_servo + i) for i in range(system.n_servo)]
-        )
+        self.reach = np.array([self._reach_of(n_q + i) for i in range(system.n_u)])
+        servos = n_q + system.n_u + system.n_servo + np.arange(system.n_servo)
+        self._servo_reach = np.array([self._reach_of(i) for i in servos.tolist()])
 
     def _allocate(self) -> None:
         """Arrays of the exchange between structure and air."""
@@ -783,8 +763,7 @@ class FrozenPlant:
         slope = (self.system.rates(y, self.inputs, self.work) - dy) / (other - torque)
         self._set_torque(torque)
         self.reaction = torque - dy[k] / slope[k]
-        result: Array = dy + (self.reaction - torque) * slope
-        return result
+        return np.asarray(dy + (self.reaction - torque) * slope)
 
     def acceleration(self, y: Array) -> Array:
         """u̇ (n_u,) in the state y."""

@@ -34,29 +34,18 @@ from wt_gym.turbines.blade import iced_polar, spread
 
 @dataclass(frozen=True)
 class TurbineModels:
-    """A turbine as structure and lattice.
-
-    Attributes
-    ----------
-    tower_flow : TowerFlow
-        The cheap form of the tower in the flow.
-    time_step : float
-        Aerodynamic step [s].
-    n_substeps : int
-        Structural steps in it.
-    embedded : TurbineModels or None
-        The same turbine without constraint equations, if these have them: they leave the motion, and so its
-        frequencies and its steady state, as they are.
-    """
+    """A turbine as structure and lattice."""
 
     turbine: Turbine
     fidelity: Fidelity
     structure: TurbineStructure
     lattice: VortexLattice
-    tower_flow: TowerFlow
-    time_step: float
-    n_substeps: int
+    tower_flow: TowerFlow  #: The cheap form of the tower in the flow
+    time_step: float  #: Aerodynamic step [s]
+    n_substeps: int  #: Structural steps in it
     embedded: TurbineModels | None = None
+    """The same turbine without constraint equations, if these have them: they leave the motion, and so its frequencies
+    and its steady state, as they are."""
 
 
 def assemble(turbine: Turbine, fidelity: Fidelity, threads: int = 1, generator_damping: float = 0.0) -> TurbineModels:
@@ -204,8 +193,7 @@ def strip_polar(blade: Blade, low: float, high: float) -> Array:
     z = _samples(low, high)
     weight = blade.chord_at(z) * (blade.root_radius + z) ** 2
     polars = [np.column_stack(blade.polar_at(section).coefficients(alpha)) for section in z]
-    result: Array = np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars))
-    return result
+    return np.asarray(np.einsum("s,sac->ac", weight / weight.sum(), np.array(polars)))
 
 
 def _samples(low: float, high: float) -> Array:
@@ -232,10 +220,6 @@ def turbine_bodies(turbine: Turbine, fidelity: Fidelity, nodes: Array) -> BodySe
     ----------
     nodes : array (..., 3)
         Lattice nodes of an undeformed blade in the blade frame [m].
-
-    Returns
-    -------
-    BodySet or None
 
     Raises
     ------
@@ -308,7 +292,6 @@ def place_nacelle(bodies: BodySet | None, rotation: Array, angular_velocity: Arr
 
     Parameters
     ----------
-    bodies : BodySet or None
     rotation : array (3, 3)
         From nacelle axes to global ones.
     angular_velocity : array (3,)

@@ -52,7 +52,6 @@ def write_recording(path: Path, data: xr.Dataset) -> None:
 
     Parameters
     ----------
-    path : pathlib.Path
     data : xarray.Dataset
         Of `wt_gym.simulation.Recorder.to_dataset`.
 
@@ -174,11 +173,6 @@ class Recorder:
         self._rows.append(signals.values.copy())
         if self._held is not None:
             self._multipliers.append(_multipliers_at(self._held, signals))
-
-    def clear(self) -> None:
-        """Forget everything stored."""
-        self._rows.clear()
-        self._multipliers.clear()
 
     def to_dataset(self) -> Dataset:
         """Data set with one variable a channel over ``time``; units, description and OpenFAST name as attributes.

@@ -349,7 +349,7 @@ class Simulator:
             Without constraint equations.
         """
         self._require_start()
-        return self.coupling.root_multipliers()
+        return self.coupling.motion.root_multipliers()
 
     def ground_loads(self) -> Array:
         """Force and moment with which the turbine rests on the ground: at the sea bed on a monopile.
@@ -391,15 +391,9 @@ class Simulator:
         return top * TOWER_TOP_PARITIES if self.mirrored else top
 
     def motion(self) -> Array:
-        """Deformation of the structure, its rates and accelerations, in the form of `reset`.
+        """Deformation of the structure, its rates and accelerations, array (n,), in the form of `reset`.
 
-        The tower moves along and across the nacelle.
-
-        That of the clockwise image of a rotor that turns counter-clockwise.
-
-        Returns
-        -------
-        array (n,)
+        The tower moves along and across the nacelle. A rotor that turns counter-clockwise has that of its image.
         """
         self._require_start()
         integrator = self.coupling.integrator
@@ -436,13 +430,7 @@ class Simulator:
         return out
 
     def linearize(self, operating_point: RotorPoint | None = None, **options: Any) -> LinearModel:
-        """Linear model about a steady operating point; see :func:`wt_gym.simulation.linearization.linearize`.
-
-        Returns
-        -------
-        LinearModel
-            A, B, C, D with named states, inputs and outputs.
-        """
+        """Linear model about a steady operating point; see :func:`wt_gym.simulation.linearization.linearize`."""
         from wt_gym.simulation.linearization import linearize  # it builds on simulators
 
         return linearize(self, operating_point, **options)

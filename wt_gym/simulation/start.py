@@ -71,12 +71,10 @@ def elastic_equilibrium(
 
     def residual(state: Array) -> Array:
         if not of_forces:
-            result: Array = system.rates(state, inputs, work)[u] - accelerations
-            return result
+            return np.asarray(system.rates(state, inputs, work)[u] - accelerations)
         mass, force = system.balance(state, inputs, work)
         column = np.concatenate([mass[azimuth_u, :azimuth_u], mass[azimuth_u:, azimuth_u]])
-        result = (force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q]
-        return result
+        return np.asarray((force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q])
 
     following: Array | None
     (jacobian, change), fresh = _newton_step(residual, y, q), True

@@ -44,56 +44,31 @@ YAW_SERVO = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class TurbineStructure:
-    """Multibody model of a turbine with what the coupling to the air needs.
-
-    Attributes
-    ----------
-    tower, nacelle, generator, hub : int
-        Body indices.
-    blades : tuple of int
-        Body indices; of the roots, where a blade has several bodies.
-    parts : tuple of tuple of int
-        Of each blade the indices of its bodies, from root to tip.
-    blade_inertia : BodyInertia
-        Of a whole undeformed blade.
-    lattice_points : Points
-        Material points of one blade, (n_bodies, n, 3), and their mode shapes, by the bodies of the blade: mostly one.
-    sub_body_nodes : SubBodyNodes or None
-        Which lattice nodes each body of a blade carries; None: a blade is one body.
-    tip_points : Points
-        The blade tip, one point of the last body of a blade.
-    tip_rest : array (3,)
-        The undeformed tip in the frame of the whole blade [m].
-    tower_points : Points
-        Tower axis, for pictures.
-    tower_radius : array (n,)
-        At the tower points [m].
-    drag_points : Points
-        Points of the tower that bear its drag.
-    blade_field, tower_field : (Beam, array (n_dof, n))
-        Finite elements of a blade and the tower, and the nodal displacements of their coordinates.
-    tower_sway : array (n_f, 2)
-        Elastic coordinates of the tower as it swings in the first mode along global x and y, for 1 m of its top.
-    """
+    """Multibody model of a turbine with what the coupling to the air needs."""
 
     system: MultibodySystem
     tower: int
     nacelle: int
     generator: int
-    hub: int
-    blades: tuple[int, ...]
-    parts: tuple[tuple[int, ...], ...]
-    blade_inertia: BodyInertia
+    hub: int  #: tower, nacelle, generator, hub: body indices
+    blades: tuple[int, ...]  #: Body indices; of the roots, where a blade has several bodies
+    parts: tuple[tuple[int, ...], ...]  #: Of each blade the indices of its bodies, from root to tip
+    blade_inertia: BodyInertia  #: Of a whole undeformed blade
     lattice_points: Points
-    sub_body_nodes: SubBodyNodes | None
-    tip_points: Points
-    tip_rest: Array
-    tower_points: Points
-    tower_radius: Array
-    drag_points: Points
+    """Material points of one blade, (n_bodies, n, 3), and their mode shapes, by the bodies of the blade: mostly one."""
+    sub_body_nodes: SubBodyNodes | None  #: Which lattice nodes each body of a blade carries; None: a blade is one body
+    tip_points: Points  #: The blade tip, one point of the last body of a blade
+    tip_rest: Array  #: The undeformed tip in the frame of the whole blade [m]; array (3,)
+    tower_points: Points  #: Tower axis, for pictures
+    tower_radius: Array  #: At the tower points [m]; array (n,)
+    drag_points: Points  #: Points of the tower that bear its drag
     blade_field: tuple[Beam, Array]
     tower_field: tuple[Beam, Array]
+    """blade_field, tower_field: finite elements of a blade and the tower, and the nodal displacements of their
+    coordinates; (Beam, array (n_dof, n))."""
     tower_sway: Array
+    """Elastic coordinates of the tower as it swings in the first mode along global x and y, for 1 m of its top; array
+    (n_f, 2)."""
 
     def elastic(self, body: int, y: Array) -> tuple[Array, Array]:
         """Elastic coordinates and rates (n_f,) of a body in a state, views."""
@@ -239,10 +214,11 @@ def build_structure(
     tower_body, tower_points, tower_radius, drag_points, tower_field, sway = _tower(turbine, fidelity, blade_body)
     tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
     nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)
-    generator, hub = _add_drivetrain(
-        system, turbine, nacelle, blade_body.inertia, fidelity.stiffest_shaft, generator_damping
-    )
-    sub_bodies = _sub_bodies(turbine.blade, blade_beam, fidelity)
+    inertia = blade_body.inertia
+    generator, hub = _add_drivetrain(system, turbine, nacelle, inertia, fidelity.stiffest_shaft, generator_damping)
+    sub_bodies: tuple[SubBody, ...] = ()
+    if fidelity.blade_bodies > 1:
+        sub_bodies = cut_blade(turbine.blade, blade_beam, fidelity, _blade_dofs(turbine.blade, blade_beam, fidelity))
     bodies: list[FlexibleBody | tuple[SubBody, ...]] = [sub_bodies or blade_body] * turbine.n_blades
     if turbine.ice is not None:
         bodies[turbine.ice.blade - 1] = _iced_body(turbine.blade, turbine.ice.level, blade_basis, blade_body, fidelity)
@@ -315,13 +291,6 @@ def _iced_body(blade: Blade, level: float, basis: Array, sound: FlexibleBody, fi
     if _deforms_linearly(fidelity):
         made = without_second_order(made, beam, basis)
     return replace(sound, inertia=made.inertia, markers=made.markers)
-
-
-def _sub_bodies(blade: Blade, beam: Beam, fidelity: Fidelity) -> tuple[SubBody, ...]:
-    """Bodies of a blade that has several, else nothing."""
-    if fidelity.blade_bodies == 1:
-        return ()
-    return cut_blade(blade, beam, fidelity, _blade_dofs(blade, beam, fidelity))
 
 
 def _blade_dofs(blade: Blade, beam: Beam, fidelity: Fidelity) -> tuple[int, ...]:
@@ -410,8 +379,7 @@ def averaged_over_yaw(mass: Array) -> Array:
     """
     quarter = np.kron(np.eye(2), [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
-    result: Array = np.mean([turn @ mass @ turn.T for turn in turns], axis=0)
-    return result
+    return np.asarray(np.mean([turn @ mass @ turn.T for turn in turns], axis=0))
 
 
 def tower_beam(tower: Tower, elements: int) -> Beam:
@@ -557,10 +525,8 @@ def _add_nacelle(system: MultibodySystem, turbine: Turbine, tower: int, yaw_driv
     inertia = nacelle.inertia - nacelle.mass * r @ r - nacelle.yaw_bearing_mass * b @ b
     body = FlexibleBody.rigid("nacelle", mass, center, inertia)
     drive = Joint("servo", (0.0, 0.0, 1.0), servo_frequency=YAW_SERVO, servo_damping=1.0, name="yaw")
-    index: int
     if yaw_drive == "stiff":
-        index = system.add(body, drive, tower, "tip")
-        return index
+        return int(system.add(body, drive, tower, "tip"))
     if not nacelle.yaw_spring > 0.0:
         raise SimulationError(
             f"turbine {turbine.name!r}: yaw spring is {nacelle.yaw_spring}; yaw_drive='spring' needs one"
@@ -569,8 +535,7 @@ def _add_nacelle(system: MultibodySystem, turbine: Turbine, tower: int, yaw_driv
     spring = Joint(
         "revolute", (0.0, 0.0, 1.0), None, (0.0, 0.0, 0.0), nacelle.yaw_spring, nacelle.yaw_damper, name="yaw_twist"
     )
-    index = system.add(body, spring, gear)
-    return index
+    return int(system.add(body, spring, gear))
 
 
 def rotor_axial_inertia(turbine: Turbine, blade_inertia: BodyInertia) -> float:
@@ -657,7 +622,7 @@ def _add_blade(
     def add_root(body: FlexibleBody) -> int:
         if formulation != "constrained":
             return system.add(body, Joint("servo", **bearing), hub)
-        root_body: int = system.add(body, Joint("free", name=f"{name}_frame"))
+        root_body = int(system.add(body, Joint("free", name=f"{name}_frame")))
         system.add_constraint(Constraint("weld", **bearing), hub, root_body, second_marker="root")
         return root_body
 
@@ -740,10 +705,9 @@ def _damping_times(blade: Blade, beam: Beam, dofs: tuple[int, ...]) -> Array:
     """β [s] of displacements and rotations along and about x, y, z (6,)."""
     if blade.damping_ratio == 0.0:
         return np.zeros(6)
-    torsion = int(5 in dofs)
     modes = clamped_modes(beam, min(len(dofs) * beam.n_elements, 40), node_dofs=dofs)
-    flap, edge = ((0 in dofs), (1 in dofs))
-    chosen = select_modes(modes, flap=int(flap), edge=int(edge), torsion=torsion)
+    flap, edge, torsion = (int(dof in dofs) for dof in (0, 1, 5))
+    chosen = select_modes(modes, flap=flap, edge=edge, torsion=torsion)
     found = iter(blade.damping_ratio / (np.pi * modes.frequency[chosen]))
     times = [next(found) if present else 0.0 for present in (flap, edge, torsion)]
     return np.array([times[0], times[1], max(times[:2]), times[1], times[0], times[2]])
@@ -756,7 +720,6 @@ def add_sub_bodies(
 
     Parameters
     ----------
-    sub_bodies : sequence of SubBody
     add_root : callable
         Adds the first body and returns its index.
     name : str
@@ -790,11 +753,8 @@ def sub_body_points(sub_bodies: Sequence[SubBody], points: Array) -> tuple[Point
     shapes = Points(np.zeros((len(sub_bodies), most, 3)), np.zeros((len(sub_bodies), most, 3, n_f)),
                     np.zeros((len(sub_bodies), most, 3, n_f, n_f)))  # fmt: skip
     for k, sub_body in enumerate(sub_bodies):
-        second, origin, n = (
-            sub_body.beam.second_order_field(sub_body.basis),
-            _origin(sub_bodies, k),
-            sub_body.basis.shape[1],
-        )
+        second, n = sub_body.beam.second_order_field(sub_body.basis), sub_body.basis.shape[1]
+        origin = _origin(sub_bodies, k)
         for row, i in enumerate(np.flatnonzero(carrier == k)):
             node[k, row] = i
             offset = points[i] - origin - sub_body.beam.sections.axis_at(arc[i])

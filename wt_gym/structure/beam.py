@@ -14,15 +14,14 @@ e.g. Przemieniecki, Theory of Matrix Structural Analysis, 1968, ch. 5 and 8.)
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Annotated, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wt_gym.base.options import option, option_record
 from wt_gym.base.types import Array
 from wt_gym.turbines.blade import BeamStations, inertia_matrix, interpolate
-from wt_gym.turbines.checks import Table
 
 N_GAUSS = 4  # exact for the cubic displacement times linear mass of a uniform element
 
@@ -47,12 +46,11 @@ def skew(v: ArrayLike) -> Array:
     return out
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class BeamSections(BeamStations):
     """Section properties along a beam, all about the reference axis, and where that axis lies in the body."""
 
-    axis: Annotated[Array, Table("station", 3)]
-    """Position of the reference axis in the body frame (n, 3) [m]."""
+    axis: Array = option("position of the reference axis in the body frame", unit="m", shape=("station", 3))
 
     @classmethod
     def uniform(

@@ -4,11 +4,10 @@
 :class:`Turbine`; ``catalogue()`` lists the names.
 """
 
-from wt_gym.turbines.airfoil import RotationalAugmentation
+from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation
 from wt_gym.turbines.blade import BladeIce
 from wt_gym.turbines.catalogue import catalogue, load_turbine
 from wt_gym.turbines.model import (
-    Airfoil,
     BeamStations,
     Blade,
     ControlData,
@@ -16,7 +15,6 @@ from wt_gym.turbines.model import (
     Hub,
     Nacelle,
     PitchSystem,
-    Polar,
     Support,
     Tower,
     Turbine,

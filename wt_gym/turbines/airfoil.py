@@ -11,51 +11,42 @@ of 80 % of the radius only.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wt_gym.base.attached_flow import attached_lift
-from wt_gym.turbines.checks import ArrayRecord, OneOf, Range, Table, fail
-
-__all__ = [
-    "DRAG_ALLOWED", "Airfoil", "Polar", "RotationalAugmentation", "blend_airfoils", "blend_polars", "camber_line",
-    "cosine_grid", "driving_drag",
-]  # fmt: skip
+from wt_gym.base.options import option, option_record
+from wt_gym.base.types import Array
+from wt_gym.turbines.checks import ArrayRecord, fail
 
 CAMBER_POINTS = 61
 """Chordwise points of the camber line; cosine spacing puts a third of them into the first 15 % of the chord."""
 
+_TURN = np.pi + 1e-6
 _LEAST_REVERSED_DRAG = -0.05
 DRAG_ALLOWED = f"a drag of at least 0, or {_LEAST_REVERSED_DRAG:g} in flow from behind (beyond 90 deg)"
 
 
-_Coefficients = Annotated[NDArray[np.float64], Table("alpha", low=-10.0, high=10.0)]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Polar(ArrayRecord):
     """Static section coefficients over the full circle, tables (n,)."""
 
-    alpha: Annotated[NDArray[np.float64], Table("alpha", low=-np.pi - 1e-6, high=np.pi + 1e-6, ascending=2)]
-    """Angle of attack [rad], strictly ascending, from -pi to pi."""
-    cl: _Coefficients
-    """Lift."""
-    cd: _Coefficients
-    """Drag, not negative (`driving_drag`)."""
-    cm: _Coefficients
-    """Moment about the quarter chord, positive nose-up."""
+    alpha: Array = option(
+        "angle of attack from -pi to pi", unit="rad", shape=("alpha",), low=-_TURN, high=_TURN, ascending=2
+    )
+    cl: Array = option("lift", shape=("alpha",), low=-10, high=10)
+    cd: Array = option("drag, not negative (`driving_drag`)", shape=("alpha",), low=-10, high=10)
+    cm: Array = option("moment about the quarter chord, nose-up", shape=("alpha",), low=-10, high=10)
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         alpha, cd = self.alpha, self.cd
         if alpha[0] > -np.pi + 1e-6 or alpha[-1] < np.pi - 1e-6:
             raise fail("Polar.alpha", [float(alpha[0]), float(alpha[-1])], "a grid that reaches from -pi to pi")
         if (i := driving_drag(alpha, cd)) is not None:
             raise fail(f"Polar.cd[{i}] at {np.degrees(alpha[i]):.4g} deg", float(cd[i]), DRAG_ALLOWED)
 
-    def coefficients(self, alpha: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def coefficients(self, alpha: ArrayLike) -> tuple[Array, Array, Array]:
         """Return cl, cd and cm at angles of attack of any size.
 
         Parameters
@@ -77,26 +68,29 @@ class Polar(ArrayRecord):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Airfoil(ArrayRecord):
     """One airfoil section."""
 
-    name: str
-    relative_thickness: Annotated[float, Range(0.0, 1.0, above=True)]
-    """Largest thickness divided by chord."""
-    contour: Annotated[NDArray[np.float64], Table("contour", 2, low=-1.0, high=1.0)]
-    """x/c and y/c (n, 2) from the trailing edge over the suction side to the leading edge and back along the pressure
-    side. x/c runs from 0 (leading edge) to 1; y/c is positive towards the suction side."""
-    camber_x: Annotated[NDArray[np.float64], Table("camber", low=0.0, high=1.0, ascending=2)]
-    """Chordwise stations x/c of the camber line (m,), from 0 to 1."""
-    camber: Annotated[NDArray[np.float64], Table("camber", low=-0.5, high=0.5)]
-    """Height of the camber line divided by chord (m,), positive towards the suction side."""
-    polar: Polar
+    name: str = option("of the section")
+    relative_thickness: float = option("largest thickness divided by chord", low=0, high=1, above=True)
+    contour: Array = option(
+        "x/c and y/c from the trailing edge over the suction side to the leading edge and back on the pressure side; "
+        "x/c from 0 (leading edge) to 1, y/c positive towards the suction side",
+        shape=("contour", 2),
+        low=-1,
+        high=1,
+    )
+    camber_x: Array = option(
+        "stations x/c of the camber line, from 0 to 1", shape=("camber",), low=0, high=1, ascending=2
+    )
+    camber: Array = option("height over chord, to the suction side positive", shape=("camber",), low=-0.5, high=0.5)
+    polar: Polar = option("static coefficients", kinds=(Polar,))
 
     def _label(self) -> str:
         return f"Airfoil({self.name})"
 
-    def camber_at(self, x_c: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def camber_at(self, x_c: ArrayLike) -> tuple[Array, Array]:
         """Return height and slope of the camber line.
 
         Parameters
@@ -117,7 +111,7 @@ class Airfoil(ArrayRecord):
         return np.interp(x, self.camber_x, self.camber), np.interp(x, self.camber_x, slope)
 
 
-def driving_drag(alpha: NDArray[np.float64], cd: NDArray[np.float64]) -> int | None:
+def driving_drag(alpha: Array, cd: Array) -> int | None:
     """Return the index of the first drag coefficient that would drive the section, None if there is none.
 
     Tables of airfoils have small negative values in flow from behind, where they continue measured ones; OpenFAST uses
@@ -132,7 +126,7 @@ def driving_drag(alpha: NDArray[np.float64], cd: NDArray[np.float64]) -> int | N
     return int(np.argmax(wrong)) if np.any(wrong) else None
 
 
-def _merged(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def _merged(first: Array, second: Array) -> Array:
     """Return the union of two grids of angles [rad].
 
     Grids written in degrees differ in the last digits after conversion; such twins must not make steps of zero width.
@@ -176,19 +170,19 @@ def blend_airfoils(first: Airfoil, second: Airfoil, weight: float) -> Airfoil:
     )
 
 
-def cosine_grid(n: int) -> NDArray[np.float64]:
+def cosine_grid(n: int) -> Array:
     """Return n points from 0 to 1, dense at both ends: x = (1 - cos t) / 2 with t uniform in [0, pi]."""
     x = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, n)))
     x[0], x[-1] = 0.0, 1.0
     return x
 
 
-def contour_of(x: NDArray[np.float64], upper: NDArray[np.float64], lower: NDArray[np.float64]) -> NDArray[np.float64]:
+def contour_of(x: Array, upper: Array, lower: Array) -> Array:
     """Return the contour (2 m - 1, 2) of two surfaces at chordwise stations (m,) from the nose to the trailing edge."""
     return np.vstack((np.column_stack((x, upper))[::-1], np.column_stack((x, lower))[1:]))
 
 
-def suction_first(contour: NDArray[np.float64]) -> NDArray[np.float64]:
+def suction_first(contour: Array) -> Array:
     """Return a contour (n, 2) with x/c from 0 to 1, which begins over the suction side."""
     x, y = contour.T
     # Shoelace formula: counter-clockwise (suction side first) has a positive area.
@@ -198,7 +192,7 @@ def suction_first(contour: NDArray[np.float64]) -> NDArray[np.float64]:
     return contour if area > 0.0 else contour[::-1].copy()
 
 
-def surfaces(contour: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def surfaces(contour: Array, x: Array) -> tuple[Array, Array]:
     """Return y/c of the suction and the pressure side (m,) of a contour (n, 2) at chordwise stations (m,).
 
     Interpolation is linear in the root of x/c: a round nose, y ~ sqrt(x/c), is a straight line in it, and a trailing
@@ -209,19 +203,17 @@ def surfaces(contour: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDAr
     return _height(contour[: nose + 1][::-1], root), _height(contour[nose:], root)
 
 
-def _height(branch: NDArray[np.float64], root: NDArray[np.float64]) -> NDArray[np.float64]:
+def _height(branch: Array, root: Array) -> Array:
     """Interpolate one surface, given from the nose to the trailing edge, at roots of x/c (m,)."""
     # Contours may have two points at one x (a closed blunt trailing edge) or step back by a rounding error; the running
     # maximum keeps the branch a function of x, and the first point at one x is the edge of the surface itself.
     x = np.maximum.accumulate(branch[:, 0])
     keep = np.insert(np.diff(x) > 0.0, 0, True)
-    out: NDArray[np.float64] = np.interp(root, np.sqrt(x[keep]), branch[keep, 1])
+    out: Array = np.interp(root, np.sqrt(x[keep]), branch[keep, 1])
     return out
 
 
-def camber_line(
-    contour: NDArray[np.float64], n: int = CAMBER_POINTS
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def camber_line(contour: Array, n: int = CAMBER_POINTS) -> tuple[Array, Array, float]:
     """Return the camber line of a contour: the mean of both surfaces at equal x/c.
 
     Parameters
@@ -275,7 +267,7 @@ def du_selig(chord_ratio: float, radius_ratio: float, tip_speed_ratio: float, sl
     return float((1.6 * chord_ratio / 0.1267 * (1.0 - power) / (1.0 + power) - 1.0) / slope)
 
 
-def eggers_drag(alpha: NDArray[np.float64], extra_lift: NDArray[np.float64]) -> NDArray[np.float64]:
+def eggers_drag(alpha: Array, extra_lift: Array) -> Array:
     """Drag that goes with lift gained by rotation (Eggers, Chaney & Digumarthi, ASME Wind Energy Symposium, 2003)."""
     sine, cosine = np.sin(alpha), np.cos(alpha)
     return extra_lift * (sine - 0.12 * cosine) / (cosine + 0.12 * sine)
@@ -285,17 +277,19 @@ MODELS = {"snel": (snel, None), "snel-1993": (snel_1993, None), "du-selig": (du_
 """Factor of the lift and drag of the gained lift, by name."""
 
 
-@dataclass(frozen=True)
+@option_record
 class RotationalAugmentation(ArrayRecord):
     """Correction of the polars of one blade."""
 
-    model: Annotated[str, OneOf(*MODELS)]
-    """"du-selig": lift by Du & Selig, drag by Eggers et al., as AirfoilPrep combines them; "snel": lift by Snel et al.
-    with the local speed ratio, drag unchanged; "snel-1993": the same as first published, without that ratio."""
-    rotor_radius: Annotated[float, Range(0.0, 500.0, above=True)]
-    """[m]."""
-    tip_speed_ratio: Annotated[float, Range(0.1, 30.0)]
-    """Of the operation for which the polars are made."""
+    by_value = True
+
+    model: str = option(
+        '"du-selig": lift by Du & Selig, drag by Eggers et al., as AirfoilPrep combines them; "snel": lift by Snel et '
+        'al. with the local speed ratio, drag unchanged; "snel-1993": the same as first published, without that ratio',
+        choices=tuple(MODELS),
+    )
+    rotor_radius: float = option("of the rotor", unit="m", low=0, high=500, above=True)
+    tip_speed_ratio: float = option("of the operation for which the polars are made", low=0.1, high=30)
 
     def factor(self, chord: float, radius: float, slope: float) -> float:
         """Share g of the way from the two-dimensional lift to that of attached flow, between 0 and 1.

@@ -16,54 +16,42 @@ glaze ice (Energies 18 (2025) 3448).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Annotated, cast
+from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
+from wt_gym.base.options import option, option_record
+from wt_gym.base.types import Array, Integers
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation, blend_polars
-from wt_gym.turbines.checks import (
-    ArrayRecord,
-    Range,
-    Table,
-    check_array,
-    check_ascending,
-    check_span,
-    check_symmetric,
-    fail,
-)
-
-__all__ = [
-    "LIFT_LOSS", "MORE_DRAG", "BeamStations", "Blade", "BladeIce", "ice_mass", "iced_polar", "iced_structure",
-    "inertia_matrix", "interpolate", "rotation_about_z", "spread",
-]  # fmt: skip
+from wt_gym.turbines.checks import ArrayRecord, check_array, check_span, check_symmetric, fail
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class BeamStations(ArrayRecord):
     """Stiffness and inertia of cross-sections, about the point where the reference axis meets the section.
 
     Axes of a blade: the blade frame (z root to tip, x to the suction side, y to the trailing edge) without pitch; the
     structural twist is already turned in. On a prebent axis z means the local tangent. Axes of a tower: x downwind,
     y left looking downwind, z up. A bending moment about y bends the beam along x: ``stiffness[:, 4, 4]`` is flapwise
-    (fore-aft) and ``stiffness[:, 3, 3]`` edgewise (side-side). OpenFAST BeamDyn uses the same order and axes.
+    (fore-aft) and ``stiffness[:, 3, 3]`` edgewise (side-side). OpenFAST BeamDyn uses the same order and axes. Between
+    stations every property is linear in the distance.
     """
 
-    station: Annotated[NDArray[np.float64], Table("station", low=0.0, ascending=2)]
-    """Distance along the reference axis (n,) [m], ascending from 0 (blade root, tower base). Between stations every
-    property is linear in this distance."""
-    stiffness: Annotated[NDArray[np.float64], Table("station", 6, 6, infinite=True)]
-    """(n, 6, 6), positive definite: relates the generalized strains (shear along x, shear along y, axial strain,
-    curvature about x, curvature about y, twist rate about z) to the section forces (Fx, Fy, Fz, Mx, My, Mz); N, N m and
-    N m^2. A section that does not shear (Euler-Bernoulli) has ``inf`` at [0, 0] and [1, 1] and zeros beside them."""
-    inertia: Annotated[NDArray[np.float64], Table("station", 6, 6)]
-    """Mass matrix per unit length (n, 6, 6) for (vx, vy, vz, wx, wy, wz) of the point on the axis; kg/m, kg and
-    kg m."""
+    station: Array = option("distance along the axis from the root or base", unit="m", shape=("station",), ascending=2)
+    stiffness: Array = option(
+        "positive definite, from strains (shear x and y, axial, curvature x and y, twist rate) to forces and moments "
+        "[N, N m, N m^2]; a section that does not shear has ``inf`` at [0, 0] and [1, 1] and zeros beside them",
+        shape=("station", 6, 6),
+        infinite=True,
+    )
+    inertia: Array = option("mass matrix per length of the point on the axis [kg/m, kg, kg m]", shape=("station", 6, 6))
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         station, stiffness, inertia = self.station, self.stiffness, self.inertia
         if station[0] != 0.0:
             raise fail("BeamStations.station[0]", float(station[0]), "0 (the root or base)")
@@ -87,11 +75,11 @@ class BeamStations(ArrayRecord):
         """Whether the sections do not shear (infinite shear stiffness)."""
         return bool(np.isinf(self.stiffness[0, 0, 0]))
 
-    def stiffness_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def stiffness_at(self, station: ArrayLike) -> Array:
         """Return the stiffness (..., 6, 6) at distances along the axis [m], linear between the stations."""
         return interpolate(station, self.station, self.stiffness)
 
-    def inertia_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def inertia_at(self, station: ArrayLike) -> Array:
         """Return the inertia (..., 6, 6) at distances along the axis [m], linear between the stations."""
         return interpolate(station, self.station, self.inertia)
 
@@ -107,7 +95,7 @@ class BeamStations(ArrayRecord):
         return float(np.sum(half * weights * np.interp(points, s, m) * points**order))
 
 
-def interpolate(at: ArrayLike, station: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+def interpolate(at: ArrayLike, station: Array, table: Array) -> Array:
     """Return a table (n, ...) at distances along the axis [m], linear between the stations (n,); infinity stays."""
     s = np.asarray(at, dtype=np.float64)
     if np.any(~((s >= 0.0) & (s <= station[-1] * (1.0 + 1e-9)))):
@@ -122,7 +110,7 @@ def interpolate(at: ArrayLike, station: NDArray[np.float64], table: NDArray[np.f
     return np.where(rigid, np.inf, (1.0 - w) * low + w * high)
 
 
-def _check_rigid_shear(stiffness: NDArray[np.float64]) -> None:
+def _check_rigid_shear(stiffness: Array) -> None:
     infinite = np.isinf(stiffness)
     allowed = np.zeros((6, 6), dtype=bool)
     allowed[0, 0] = allowed[1, 1] = True
@@ -140,7 +128,7 @@ def _check_rigid_shear(stiffness: NDArray[np.float64]) -> None:
             raise fail("BeamStations.stiffness[:, 0:2, :]", "couplings", "zeros beside an infinite shear stiffness")
 
 
-def _check_spikes(diagonal: NDArray[np.float64]) -> None:
+def _check_spikes(diagonal: Array) -> None:
     """Refuse stiffnesses (n, 6) with implausible jumps (probable typing errors): blades and towers change by at most
     200 from one station to the next, and hardly ever up and down again.
     """
@@ -155,7 +143,7 @@ def _check_spikes(diagonal: NDArray[np.float64]) -> None:
         raise fail(f"BeamStations.stiffness[{i}, {j}, {j}]", float(diagonal[i, j]), allowed)
 
 
-def _check_definite(field: str, matrices: NDArray[np.float64], *, strictly: bool) -> None:
+def _check_definite(field: str, matrices: Array, *, strictly: bool) -> None:
     """Require positive (semi)definite matrices; scaled by their diagonal because the entries differ in unit."""
     for i, matrix in enumerate(matrices):
         diagonal = np.where(np.isinf(np.diag(matrix)), 1.0, np.diag(matrix))
@@ -167,7 +155,7 @@ def _check_definite(field: str, matrices: NDArray[np.float64], *, strictly: bool
             raise fail(f"{field}[{i}]", f"least eigenvalue {least:.3g} after scaling the diagonal to 1", what)
 
 
-def rotation_about_z(angle: ArrayLike) -> NDArray[np.float64]:
+def rotation_about_z(angle: ArrayLike) -> Array:
     """Return the 6 x 6 matrices (..., 6, 6) that turn force/moment or velocity pairs by ``angle`` [rad] about z.
 
     They map components in the turned frame to components in the fixed one, so a section matrix becomes R M R^T.
@@ -182,9 +170,17 @@ def rotation_about_z(angle: ArrayLike) -> NDArray[np.float64]:
     return rotation
 
 
-def shear_rigid_stiffness(
-    axial: ArrayLike, about_x: ArrayLike, about_y: ArrayLike, torsion: ArrayLike
-) -> NDArray[np.float64]:
+def turned(matrices: Array, angle: Array) -> Array:
+    """Return section matrices R M R^T (n, 6, 6), turned by angles (n,) [rad] about z, symmetric in spite of rounding.
+
+    Equal infinite shear stiffnesses stay as they are under a turn in their plane.
+    """
+    rotation, rigid = rotation_about_z(angle), np.isinf(matrices)
+    product = rotation @ np.where(rigid, 0.0, matrices) @ np.swapaxes(rotation, -1, -2)
+    return np.where(rigid, np.inf, 0.5 * (product + np.swapaxes(product, -1, -2)))
+
+
+def shear_rigid_stiffness(axial: ArrayLike, about_x: ArrayLike, about_y: ArrayLike, torsion: ArrayLike) -> Array:
     """Return section stiffnesses (..., 6, 6) without couplings and without shear: EA [N], EI and GJ [N m^2]."""
     values = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (axial, about_x, about_y, torsion)))
     stiffness = np.zeros((*values[0].shape, 6, 6))
@@ -202,7 +198,7 @@ def inertia_matrix(
     i_yy: ArrayLike,
     i_xy: ArrayLike,
     i_zz: ArrayLike | None = None,
-) -> NDArray[np.float64]:
+) -> Array:
     """Return section mass matrices (..., 6, 6) about the reference axis.
 
     With v(x, y) = v + w x (x, y, 0), the kinetic energy per length is (v, w)^T M (v, w) / 2.
@@ -233,47 +229,38 @@ def inertia_matrix(
     return matrix
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Blade(ArrayRecord):
     """One blade."""
 
-    length: Annotated[float, Range(0.0, 500.0, above=True)]
-    """From root to tip along z [m] (OpenFAST TipRad - HubRad)."""
-    root_radius: Annotated[float, Range(0.0, 50.0)]
-    """From the rotor apex to the blade root [m] (HubRad)."""
-    axis_station: Annotated[NDArray[np.float64], Table("axis", low=0.0, ascending=2)]
-    """Distance along the reference axis from the root (n,) [m]: the coordinate of ``structure.station``."""
-    axis: Annotated[NDArray[np.float64], Table("axis", 3)]
-    """Points of the reference (pitch) axis in the blade frame (n, 3) [m]; starts at z = 0. Upwind prebend is -x."""
-    aero_station: Annotated[NDArray[np.float64], Table("aero", ascending=2)]
-    """z of the planform stations (m,), from 0 to ``length`` [m] (BlSpn)."""
-    chord: Annotated[NDArray[np.float64], Table("aero", low=1e-3, high=30.0)]
-    """Chord (m,) [m]."""
-    twist: Annotated[NDArray[np.float64], Table("aero", low=-np.pi / 2, high=np.pi / 2)]
-    """Twist (m,) [rad], positive to feather (BlTwist)."""
-    le_offset: Annotated[NDArray[np.float64], Table("aero", low=-2.0, high=3.0)]
-    """Distance from leading edge to reference axis along the chord, divided by the chord (m,)."""
-    airfoils: tuple[Airfoil, ...]
-    airfoil_station: Annotated[NDArray[np.float64], Table("airfoil", low=0.0, ascending=1)]
-    """z [m] where the section is exactly ``airfoils[airfoil_index[i]]`` (k,); blended linearly between, constant
-    outside."""
-    airfoil_index: NDArray[np.int64]
-    """(k,)."""
-    structure: BeamStations
-    damping_ratio: Annotated[float, Range(0.0, 0.5)]
-    """Structural damping of every blade mode, fraction of critical (BldFlDmp / 100)."""
-    normal_offset: Annotated[NDArray[np.float64] | None, Table("aero", low=-2.0, high=2.0)] = None
-    """Distance of the chord line from the reference axis towards the suction side, divided by the chord (m,); zero for
-    most blades. ``camber_at`` includes it."""
-    rotating_polars: bool | None = None
-    """Whether the polars of ``airfoils`` hold the delay of stall by rotation; None where that is not known."""
-    augmentation: RotationalAugmentation | None = None
-    """Added to two-dimensional polars by `polar_at`."""
+    length: float = option("from root to tip along z (TipRad - HubRad)", unit="m", low=0, high=500, above=True)
+    root_radius: float = option("from the rotor apex to the blade root (HubRad)", unit="m", low=0, high=50)
+    axis_station: Array = option("distance from the root along the axis", unit="m", shape=("axis",), low=0, ascending=2)
+    axis: Array = option("reference (pitch) axis in the blade frame; prebend upwind is -x", unit="m", shape=("axis", 3))
+    aero_station: Array = option(
+        "z of the planform, from 0 to ``length`` (BlSpn)", unit="m", shape=("aero",), ascending=2
+    )
+    chord: Array = option("chord", unit="m", shape=("aero",), low=1e-3, high=30)
+    twist: Array = option("to feather (BlTwist)", unit="rad", shape=("aero",), low=-np.pi / 2, high=np.pi / 2)
+    le_offset: Array = option("from leading edge to reference axis, over the chord", shape=("aero",), low=-2, high=3)
+    airfoils: tuple[Airfoil, ...] = option("sections that occur, in any order", kinds=(Airfoil,))
+    airfoil_station: Array = option(
+        "z of each section; linear between, constant outside", unit="m", shape=("airfoil",), low=0, ascending=1
+    )
+    airfoil_index: Integers = option("place in ``airfoils`` of the section at each ``airfoil_station``")
+    structure: BeamStations = option("sections along the reference axis", kinds=(BeamStations,))
+    damping_ratio: float = option("of every blade mode, fraction of critical (BldFlDmp / 100)", low=0, high=0.5)
+    normal_offset: Array | None = option(
+        "axis to chord line, suction side, over chord", default=None, otherwise="zeros", shape=("aero",), low=-2, high=2
+    )
+    rotating_polars: bool | None = option("polars with stall delayed by rotation", default=None, otherwise="not known")
+    augmentation: RotationalAugmentation | None = option("of `polar_at`", default=None, kinds=(RotationalAugmentation,))
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         if self.normal_offset is None:
-            self._set(normal_offset=check_array("Blade.normal_offset", np.zeros(self.chord.size), (None,)))
-        check_ascending("Blade.axis[:, 2]", self.axis[:, 2])
+            self._set("normal_offset", check_array("Blade.normal_offset", np.zeros(self.chord.size), "n"))
+        check_array("Blade.axis[:, 2]", self.axis[:, 2], "n", ascending=2)
         check_span("Blade.axis[:, 2]", self.axis[:, 2], self.length)
         check_span("Blade.structure.station", self.structure.station, float(self.axis_station[-1]))
         check_span("Blade.aero_station", self.aero_station, self.length)
@@ -282,26 +269,21 @@ class Blade(ArrayRecord):
             raise fail("Blade.augmentation", self.augmentation, "None: the polars hold the delay of stall by rotation")
 
     def _check_airfoils(self) -> None:
-        airfoils = tuple(self.airfoils)
-        if not airfoils or not all(isinstance(a, Airfoil) for a in airfoils):
-            raise fail("Blade.airfoils", self.airfoils, "at least one Airfoil")
         z = self.airfoil_station
         if z[-1] > self.length * (1 + 1e-9):
             raise fail("Blade.airfoil_station", float(z[-1]), f"numbers up to the length, {self.length:g} m")
         index = np.array(self.airfoil_index)
         if index.shape != z.shape or not np.issubdtype(index.dtype, np.integer):
             raise fail("Blade.airfoil_index", self.airfoil_index, f"{z.size} integers, one per airfoil_station")
-        if np.any((index < 0) | (index >= len(airfoils))):
-            raise fail("Blade.airfoil_index", index.tolist(), f"integers from 0 to {len(airfoils) - 1}")
+        if np.any((index < 0) | (index >= len(self.airfoils))):
+            raise fail("Blade.airfoil_index", index.tolist(), f"integers from 0 to {len(self.airfoils) - 1}")
         index = index.astype(np.int64)
         index.flags.writeable = False
-        self._set(airfoils=airfoils, airfoil_index=index)
+        self._set("airfoil_index", index)
 
     @cached_property
     def _planform(self) -> PchipInterpolator:
-        table = np.column_stack(
-            (self.chord, self.twist, self.le_offset, cast("NDArray[np.float64]", self.normal_offset))
-        )
+        table = np.column_stack((self.chord, self.twist, self.le_offset, cast("Array", self.normal_offset)))
         return PchipInterpolator(self.aero_station, table, extrapolate=False)
 
     @cached_property
@@ -309,7 +291,7 @@ class Blade(ArrayRecord):
         table = np.column_stack((self.axis[:, :2], self.axis_station))
         return PchipInterpolator(self.axis[:, 2], table, extrapolate=False)
 
-    def _inside(self, z: ArrayLike) -> NDArray[np.float64]:
+    def _inside(self, z: ArrayLike) -> Array:
         position = np.asarray(z, dtype=np.float64)
         slack = 1e-9 * self.length
         if np.any(~((position >= -slack) & (position <= self.length + slack))):
@@ -317,29 +299,29 @@ class Blade(ArrayRecord):
         # Only rounding errors are left: bring them back into the table.
         return np.clip(position, 0.0, self.length)
 
-    def chord_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def chord_at(self, z: ArrayLike) -> Array:
         """Return the chord [m] at z [m] from the root (monotone cubic, no overshoot)."""
-        out: NDArray[np.float64] = self._planform(self._inside(z))[..., 0]
+        out: Array = self._planform(self._inside(z))[..., 0]
         return out
 
-    def twist_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def twist_at(self, z: ArrayLike) -> Array:
         """Return the twist [rad], positive to feather, at z [m] from the root (monotone cubic)."""
-        out: NDArray[np.float64] = self._planform(self._inside(z))[..., 1]
+        out: Array = self._planform(self._inside(z))[..., 1]
         return out
 
-    def le_offset_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def le_offset_at(self, z: ArrayLike) -> Array:
         """Return the distance from leading edge to reference axis divided by the chord, at z [m] from the root."""
-        out: NDArray[np.float64] = self._planform(self._inside(z))[..., 2]
+        out: Array = self._planform(self._inside(z))[..., 2]
         return out
 
-    def axis_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def axis_at(self, z: ArrayLike) -> Array:
         """Return points (..., 3) of the reference axis [m] in the blade frame at z [m] from the root."""
         position = self._inside(z)
         return np.concatenate((self._axis_by_z(position)[..., :2], position[..., None]), axis=-1)
 
-    def station_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def station_at(self, z: ArrayLike) -> Array:
         """Return the distance along the reference axis [m] (as in ``structure.station``) at z [m] from the root."""
-        out: NDArray[np.float64] = self._axis_by_z(self._inside(z))[..., 2]
+        out: Array = self._axis_by_z(self._inside(z))[..., 2]
         return out
 
     def _bracket(self, z: float) -> tuple[Airfoil, Airfoil, float]:
@@ -371,7 +353,7 @@ class Blade(ArrayRecord):
         first = lifts.index(True) if any(lifts) else 0
         return float(self.airfoil_station[first - 1]) if first else 0.0
 
-    def camber_at(self, z: float, x_c: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def camber_at(self, z: float, x_c: ArrayLike) -> tuple[Array, Array]:
         """Return the camber line at z [m] from the root.
 
         Parameters
@@ -401,20 +383,20 @@ _TIP = (0.7, 0.9)
 """Shares of the length through whose chords the line to the chord of the tip goes."""
 
 
-@dataclass(frozen=True)
+@option_record
 class BladeIce(ArrayRecord):
     """Ice on one blade of a turbine."""
 
-    blade: Annotated[int, Range(1, 10, whole=True)]
-    """From 1 on."""
-    level: Annotated[float, Range(0.0, 2.0, above=True)]
-    """Mass, loss of lift and drag over those of full ice [-]."""
+    by_value = True
+
+    blade: int = option("number of the blade", low=1, high=10)
+    level: float = option("mass, loss of lift and drag over those of full ice", low=0, high=2, above=True)
 
 
-def spread(blade: Blade, z: NDArray[np.float64]) -> NDArray[np.float64]:
+def spread(blade: Blade, z: Array) -> Array:
     """Share of the full value at distances from the root along z [m]: from 0 at the axis to 1 at half the radius."""
     tip = blade.root_radius + blade.length
-    share: NDArray[np.float64] = np.minimum(2.0 * (blade.root_radius + z) / tip, 1.0)
+    share: Array = np.minimum(2.0 * (blade.root_radius + z) / tip, 1.0)
     return share
 
 
@@ -438,8 +420,8 @@ def iced_structure(blade: Blade, level: float) -> BeamStations:
     return replace(beam, inertia=beam.inertia + ice)
 
 
-def iced_polar(polar: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+def iced_polar(polar: Array, share: float) -> Array:
     """Polar (n, 3) of lift, drag and moment with a share of full ice [-]."""
     factors = np.array([1.0 - LIFT_LOSS * share, 1.0 + MORE_DRAG * share, 1.0 - LIFT_LOSS * share])
-    iced: NDArray[np.float64] = polar * factors
+    iced: Array = polar * factors
     return iced

@@ -10,17 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from wt_gym.base.types import Array
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.turbines.airfoil import Polar
-
-__all__ = ["BladeElementRotor", "BladeElements", "blade_element"]
 
 _SMALL = 1e-6
 _BISECTIONS = 46
@@ -42,9 +41,9 @@ class BladeElementRotor:
     """[rad]."""
     air_density: float
     """[kg/m^3]."""
-    chord_at: Callable[[ArrayLike], NDArray[np.float64]]
+    chord_at: Callable[[ArrayLike], Array]
     """Chord [m] at a distance from the root [m]."""
-    twist_at: Callable[[ArrayLike], NDArray[np.float64]]
+    twist_at: Callable[[ArrayLike], Array]
     """Twist [rad] likewise."""
     polar_at: Callable[[float], Polar]
     """`Polar` at a distance from the root [m]."""
@@ -59,86 +58,35 @@ class BladeElementRotor:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class BladeElementResult:
-    """Blade-element momentum solution; arrays are of shape (n_span,)."""
-
-    power: float
-    """Of the rotor [W]."""
-    thrust: float
-    """Of the rotor [N]."""
-    cp: float
-    """Referred to the nominal diameter."""
-    ct: float
-    span: NDArray[np.float64]
-    """Distance of the sections from the axis, along the blade [m]."""
-    alpha: NDArray[np.float64]
-    """Angle of attack [rad]."""
-    speed: NDArray[np.float64]
-    """In the section plane [m/s]."""
-    axial: NDArray[np.float64]
-    """Induction factor a."""
-    tangential: NDArray[np.float64]
-    """Induction factor a'."""
-    cl: NDArray[np.float64]
-    cd: NDArray[np.float64]
-    force: NDArray[np.float64]
-    """Force per length along the axis and in the direction of motion [N/m], shape (n_span, 2)."""
-
-
-@dataclass(frozen=True)
 class BladeElements:
-    """The sections of a rotor, ready to be solved."""
+    """The sections of a rotor, of equal length, ready to be solved.
 
-    rotor: BladeElementRotor
-    n_span: int = 60
-    """Sections, of equal length."""
+    Attributes
+    ----------
+    width : float
+        Length of a section [m].
+    span, radius : ndarray, shape (n_span,)
+        Distance of the sections from the axis along the blade, and radius of their circles [m].
+    chord, twist : ndarray, shape (n_span,)
+        [m], [rad].
+    polars : list of Polar
+        Of every section.
+    """
 
-    @cached_property
-    def _middle(self) -> NDArray[np.float64]:
-        """Distance of the sections from the root [m]."""
-        edges = np.linspace(0.0, self.rotor.length, self.n_span + 1)
-        return 0.5 * (edges[1:] + edges[:-1])
-
-    @cached_property
-    def width(self) -> float:
-        """Length of a section [m]."""
-        return self.rotor.length / self.n_span
-
-    @cached_property
-    def span(self) -> NDArray[np.float64]:
-        """Distance of the sections from the axis, along the blade [m], shape (n_span,)."""
-        return self.rotor.root_radius + self._middle
-
-    @cached_property
-    def radius(self) -> NDArray[np.float64]:
-        """Radius of the circles of the sections [m], shape (n_span,)."""
-        out: NDArray[np.float64] = self.span * np.cos(self.rotor.cone)
-        return out
-
-    @cached_property
-    def chord(self) -> NDArray[np.float64]:
-        """Chord [m], shape (n_span,)."""
-        return np.array([float(self.rotor.chord_at(z)) for z in self._middle])
-
-    @cached_property
-    def twist(self) -> NDArray[np.float64]:
-        """Twist [rad], shape (n_span,)."""
-        return np.array([float(self.rotor.twist_at(z)) for z in self._middle])
-
-    @cached_property
-    def polars(self) -> list[Polar]:
-        """`Polar` of every section."""
-        return [self.rotor.polar_at(z) for z in self._middle]
-
-    @cached_property
-    def _ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Distances to tip and root in Prandtl's losses, over the radius of the section and of the root [-]."""
-        cos, rotor = np.cos(self.rotor.cone), self.rotor
+    def __init__(self, rotor: BladeElementRotor, n_span: int = 60):
+        edges = np.linspace(0.0, rotor.length, n_span + 1)
+        middle, cos = 0.5 * (edges[1:] + edges[:-1]), np.cos(rotor.cone)
+        self.rotor, self.width = rotor, rotor.length / n_span
+        self.span = rotor.root_radius + middle
+        self.radius = self.span * cos
+        self.chord = np.array([float(rotor.chord_at(z)) for z in middle])
+        self.twist = np.array([float(rotor.twist_at(z)) for z in middle])
+        self.polars = [rotor.polar_at(z) for z in middle]
+        # distances to tip and root in Prandtl's losses, over the radius of the section and of the root
         tip, root = (rotor.root_radius + rotor.length) * cos, rotor.root_radius * cos
-        return (tip - self.radius) / self.radius, (self.radius - root) / root
+        self._ends = (tip - self.radius) / self.radius, (self.radius - root) / root
 
-    def coefficients(self, alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def coefficients(self, alpha: Array) -> tuple[Array, Array]:
         """Lift and drag coefficient of every section at angles of attack (points, n_span) [rad]."""
         wrapped = np.where(np.abs(alpha) <= np.pi, alpha, np.mod(alpha + np.pi, 2.0 * np.pi) - np.pi)
         cl, cd = np.empty_like(wrapped), np.empty_like(wrapped)
@@ -147,7 +95,7 @@ class BladeElements:
             cd[:, k] = np.interp(wrapped[:, k], polar.alpha, polar.cd)
         return cl, cd
 
-    def solve(self, wind: ArrayLike, rotor_speed: ArrayLike, pitch: ArrayLike) -> dict[str, NDArray[np.float64]]:
+    def solve(self, wind: ArrayLike, rotor_speed: ArrayLike, pitch: ArrayLike) -> dict[str, Array]:
         """Solve points of shape (n,), or numbers: wind [m/s], rotor speed [rad/s], pitch [rad].
 
         Returns
@@ -163,8 +111,8 @@ class BladeElements:
         angle = self.twist[None, :] + pitch_
         along, across = wind_ * np.cos(self.rotor.cone), speed_ * self.radius[None, :]
         phi = self._inflow_angle(angle, across / along)
-        cl, cd, axial, tangential = self._induction(phi, angle)
-        return self._forces(phi, phi - angle, cl, cd, axial, tangential, along, across, speed_)
+        axial, tangential = self._induction(phi, angle)
+        return self._forces(phi, phi - angle, axial, tangential, along, across, speed_)
 
     def frozen_wake(
         self,
@@ -174,7 +122,7 @@ class BladeElements:
         pitch_changes: ArrayLike,
         wind_changes: ArrayLike = 0.0,
         speed_changes: ArrayLike = 0.0,
-    ) -> dict[str, NDArray[np.float64]]:
+    ) -> dict[str, Array]:
         """Forces at a changed pitch, wind and speed while the induced velocities stay those of a steady point.
 
         Parameters
@@ -197,23 +145,21 @@ class BladeElements:
         along, across = winds * np.cos(self.rotor.cone), speeds * self.radius[None, :]
         phi = np.arctan2(along * (1.0 - axial), across * (1.0 + tangential))
         alpha = phi - self.twist[None, :] - pitch - turned
-        cl, cd = self.coefficients(alpha)
-        return self._forces(phi, alpha, cl, cd, axial, tangential, along, across, speeds[:, 0])
+        return self._forces(phi, alpha, axial, tangential, along, across, speeds[:, 0])
 
     def _forces(
         self,
-        phi: NDArray[np.float64],
-        alpha: NDArray[np.float64],
-        cl: NDArray[np.float64],
-        cd: NDArray[np.float64],
-        axial: NDArray[np.float64],
-        tangential: NDArray[np.float64],
-        along: NDArray[np.float64] | float,
-        across: NDArray[np.float64],
-        rotor_speed: NDArray[np.float64] | float,
-    ) -> dict[str, NDArray[np.float64]]:
+        phi: Array,
+        alpha: Array,
+        axial: Array,
+        tangential: Array,
+        along: Array | float,
+        across: Array,
+        rotor_speed: Array | float,
+    ) -> dict[str, Array]:
         """Forces of the sections and of the rotor from the inflow."""
         rotor, cos_cone = self.rotor, np.cos(self.rotor.cone)
+        cl, cd = self.coefficients(alpha)
         speed = np.hypot(along * (1.0 - axial), across * (1.0 + tangential))
         pressure = 0.5 * rotor.air_density * speed**2 * self.chord[None, :]
         normal = pressure * (cl * np.cos(phi) + cd * np.sin(phi))
@@ -226,11 +172,11 @@ class BladeElements:
             "normal": normal, "driving": driving,
         }  # fmt: skip
 
-    def _inflow_angle(self, angle: NDArray[np.float64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _inflow_angle(self, angle: Array, ratio: Array) -> Array:
         """Root of the residual in the first of three brackets with a change of sign [rad]."""
 
-        def residual(phi: NDArray[np.float64]) -> NDArray[np.float64]:
-            _, _, axial, tangential = self._induction(phi, angle)
+        def residual(phi: Array) -> Array:
+            axial, tangential = self._induction(phi, angle)
             with np.errstate(divide="ignore", invalid="ignore"):
                 return np.sin(phi) / (1.0 - axial) - np.cos(phi) / ratio / (1.0 + tangential)
 
@@ -247,8 +193,8 @@ class BladeElements:
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return 0.5 * (low + high)
 
-    def _induction(self, phi: NDArray[np.float64], angle: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Lift, drag, a and a' of the momentum balance at inflow angles, each (points, n_span)."""
+    def _induction(self, phi: Array, angle: Array) -> tuple[Array, Array]:
+        """Induction factors a and a' of the momentum balance at inflow angles, each (points, n_span)."""
         cl, cd = self.coefficients(phi - angle)
         s, c = np.sin(phi), np.cos(phi)
         normal, tangential = cl * c + cd * s, cl * s - cd * c
@@ -266,31 +212,4 @@ class BladeElements:
             g3 = 2.0 * loss * k - (25.0 / 9.0 - 2.0 * loss)
             heavy = np.where(np.abs(g3) > 1e-6, (g1 - np.sqrt(g2)) / g3, 1.0 - 0.5 / np.sqrt(g2))
             axial = np.where((k <= 2.0 / 3.0) | (phi < 0.0), k / (1.0 + k), heavy)
-            return cl, cd, axial, k_turn / (1.0 - k_turn)
-
-
-def blade_element(
-    rotor: BladeElementRotor, wind: float, rotor_speed: float, pitch: float = 0.0, n_span: int = 60
-) -> BladeElementResult:
-    """Solve one point of a rotor without tilt, tower and deflection.
-
-    Parameters
-    ----------
-    wind : float
-        [m/s].
-    rotor_speed : float
-        [rad/s].
-    pitch : float
-        [rad].
-    n_span : int
-        Sections, of equal length.
-    """
-    elements = BladeElements(rotor, n_span)
-    solved = elements.solve(wind, rotor_speed, pitch)
-    power, thrust = float(solved["power"][0]), float(solved["thrust"][0])
-    reference = 0.5 * rotor.air_density * np.pi * rotor.radius**2 * wind**2
-    rows = {name: solved[name][0] for name in ("alpha", "speed", "axial", "tangential", "cl", "cd")}
-    return BladeElementResult(
-        power=power, thrust=thrust, cp=power / (reference * wind), ct=thrust / reference, span=elements.span,
-        force=np.column_stack((solved["normal"][0] * np.cos(rotor.cone), solved["driving"][0])), **rows,
-    )  # fmt: skip
+            return axial, k_turn / (1.0 - k_turn)

@@ -12,31 +12,18 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from dataclasses import replace
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
-from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation
+from wt_gym.base.options import option, option_record
+from wt_gym.base.types import Array
+from wt_gym.turbines.airfoil import RotationalAugmentation
 from wt_gym.turbines.blade import BeamStations, Blade, BladeIce
-from wt_gym.turbines.checks import (
-    ArrayRecord,
-    OneOf,
-    Range,
-    Table,
-    check_number,
-    check_span,
-    check_symmetric,
-    fail,
-)
-
-__all__ = [
-    "LONGEST_LAG", "SITE", "STRONGEST", "Airfoil", "BeamStations", "Blade", "ControlData", "Drivetrain", "Hub",
-    "LossShares", "Nacelle", "PitchSystem", "Polar", "ShaftDamper", "Support", "Tower", "Turbine",
-    "at_controller_density", "with_site", "without_site",
-]  # fmt: skip
+from wt_gym.turbines.checks import ArrayRecord, check_number, check_span, check_symmetric, fail
 
 SEA_WATER = 1025.0
 """Density of sea water [kg/m^3]."""
@@ -45,20 +32,14 @@ LONGEST_LAG = 2.0
 STRONGEST = 0.2
 """Damping ratio that a converter may add to the torsion of the shaft [-]."""
 
+Notes: TypeAlias = tuple[str, ...]
 _BIG = 1e15
 """Bound of masses, inertias, stiffnesses: far above any machine, far below overflow."""
 _BIG_GAIN = 1e12
-_Positive = Annotated[float, Range(0.0, _BIG, above=True)]
-_NotNegative = Annotated[float, Range(0.0, _BIG)]
-_Efficiency = Annotated[float, Range(0.3, 1.0, above=True)]  # what is below is a slip of the pen
-_Damping = Annotated[float, Range(0.0, 0.5)]
-_Elevation = Annotated[float, Range(-500.0, 500.0)]
-_Density = Annotated[float, Range(0.1, 10.0)]
-_Stations = Annotated[NDArray[np.float64], Table("diameter_station", low=0.0, ascending=2)]
-_Diameters = Annotated[NDArray[np.float64], Table("diameter_station", low=0.01, high=50.0)]
+_LEAST_EFFICIENCY = 0.3  # what is below is a slip of the pen
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Support(ArrayRecord):
     """Monopile between the sea bed and the base of a tower: one beam with it, in its frame.
 
@@ -67,24 +48,22 @@ class Support(ArrayRecord):
     Hydrodynamics, 1977, section 4.13), which has inertia and no weight.
     """
 
-    base_height: _Elevation
-    """Elevation of the sea bed, where the foundation begins, above mean sea level [m]: minus the depth of the water."""
-    diameter_station: _Stations
-    """Distance from the base along the monopile (n,) [m]."""
-    diameter: _Diameters
-    """Outer diameter (n,) [m]."""
-    structure: BeamStations
-    """From the base (station 0) to the base of the tower."""
-    foundation: Annotated[NDArray[np.float64] | None, Table(6, 6)] = None
-    """Stiffness (6, 6) that the ground has against the displacement and rotation of the base (axes of a tower: x
-    downwind, y left, z up) [N/m, N, N m]; None: the base is clamped. See
-    `wt_gym.structure.beam.pile_head_stiffness`."""
-    top_mass: Annotated[float, Range(0.0, 1e9)] = 0.0
-    """Transition piece at the base of the tower [kg]."""
-    water_density: Annotated[float, Range(0.0, 2000.0)] = SEA_WATER
-    """[kg/m^3]; 0 leaves the water out."""
+    base_height: float = option("of the sea bed above mean sea level, minus the depth", unit="m", low=-500, high=500)
+    diameter_station: Array = option("distance from the base", unit="m", shape=("diameter",), low=0, ascending=2)
+    diameter: Array = option("outer diameter", unit="m", shape=("diameter",), low=0.01, high=50)
+    structure: BeamStations = option("from the base (station 0) to the base of the tower", kinds=(BeamStations,))
+    foundation: Array | None = option(
+        "stiffness of the ground against displacement and rotation of the base in axes of a tower (x downwind, y left, "
+        "z up) [N/m, N, N m], see `wt_gym.structure.beam.pile_head_stiffness`",
+        default=None,
+        otherwise="clamped",
+        shape=(6, 6),
+    )
+    top_mass: float = option("transition piece at the base of the tower", default=0.0, unit="kg", low=0, high=1e9)
+    water_density: float = option("0 leaves the water out", default=SEA_WATER, unit="kg/m^3", low=0, high=2000)
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         check_span("Support.diameter_station", self.diameter_station, self.structure.length)
         if self.foundation is None:
             return
@@ -99,41 +78,34 @@ class Support(ArrayRecord):
         """Length from the sea bed to the base of the tower [m]."""
         return self.structure.length
 
-    def diameter_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def diameter_at(self, station: ArrayLike) -> Array:
         """Return the outer diameter [m] at a distance from the base [m], linear between stations."""
         return np.interp(np.asarray(station, dtype=np.float64), self.diameter_station, self.diameter)
 
-    def added_mass_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def added_mass_at(self, station: ArrayLike) -> Array:
         """Return the mass per length [kg/m] of the water that moves along across the axis, none above sea level."""
         s = np.asarray(station, dtype=np.float64)
         wet = self.base_height + s <= 0.0
         return np.where(wet, 0.25 * np.pi * self.water_density * self.diameter_at(s) ** 2, 0.0)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Tower(ArrayRecord):
     """Tower, clamped at its base or standing on a support."""
 
-    base_height: _Elevation
-    """Elevation of the base above ground or mean sea level [m] (TowerBsHt)."""
-    height: float
-    """Elevation of the top (yaw bearing) [m] (TowerHt)."""
-    diameter_station: _Stations
-    """Distance from the base along the tower (n,) [m]."""
-    diameter: _Diameters
-    """Outer diameter (n,) [m]."""
-    structure: BeamStations
-    """From the base (station 0) to the top."""
-    damping_ratio: _Damping
-    """Structural damping of every tower mode, fraction of critical (TwrFADmp / 100)."""
-    drag_coefficient: Annotated[float, Range(0.0, 5.0)]
-    """Of the cross-section, based on the diameter (TwrCd)."""
-    support: Support | None = None
-    """Monopile under the base."""
+    base_height: float = option("of the base above ground or sea (TowerBsHt)", unit="m", low=-500, high=500)
+    height: float = option("of the top (yaw bearing) above ground or sea (TowerHt)", unit="m", high=500)
+    diameter_station: Array = option("distance from the base", unit="m", shape=("diameter",), low=0, ascending=2)
+    diameter: Array = option("outer diameter", unit="m", shape=("diameter",), low=0.01, high=50)
+    structure: BeamStations = option("from the base (station 0) to the top", kinds=(BeamStations,))
+    damping_ratio: float = option("of every tower mode, fraction of critical (TwrFADmp / 100)", low=0, high=0.5)
+    drag_coefficient: float = option("of the section, based on the diameter (TwrCd)", low=0, high=5)
+    support: Support | None = option("monopile under the base", default=None, kinds=(Support,))
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         base, support = self.base_height, self.support
-        self._set(height=check_number("Tower.height", self.height, base, 500.0, open_low=True))
+        check_number("Tower.height", self.height, base, 500.0, open_low=True)
         check_span("Tower.diameter_station", self.diameter_station, self.length)
         check_span("Tower.structure.station", self.structure.station, self.length)
         if support is None:
@@ -149,7 +121,7 @@ class Tower(ArrayRecord):
         """Length from base to top [m]."""
         return self.height - self.base_height
 
-    def diameter_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def diameter_at(self, station: ArrayLike) -> Array:
         """Return the outer diameter [m] at a distance from the base [m], linear between stations."""
         s = np.asarray(station, dtype=np.float64)
         if np.any(~((s >= 0.0) & (s <= self.length * (1.0 + 1e-9)))):
@@ -157,120 +129,95 @@ class Tower(ArrayRecord):
         return np.interp(s, self.diameter_station, self.diameter)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Hub(ArrayRecord):
     """Hub with everything that turns but does not pitch."""
 
-    radius: Annotated[float, Range(0.0, 50.0)]
-    """From the apex to the blade roots [m] (HubRad)."""
-    cone: Annotated[float, Range(-np.pi / 4, np.pi / 4)]
-    """Precone [rad], positive = tips upwind (OpenFAST PreCone with the opposite sign)."""
-    mass: _NotNegative
-    """[kg] (HubMass)."""
-    inertia_axial: _NotNegative
-    """About the shaft [kg m^2] (HubIner)."""
-    inertia_transverse: _NotNegative
-    """About axes through the center of mass across the shaft [kg m^2]."""
-    cm_offset_along_shaft: Annotated[float, Range(-50.0, 50.0)]
-    """Center of mass from the apex along the shaft, positive downwind [m] (HubCM)."""
+    radius: float = option("from the apex to the blade roots (HubRad)", unit="m", low=0, high=50)
+    cone: float = option("tips upwind (minus PreCone)", unit="rad", low=-np.pi / 4, high=np.pi / 4)
+    mass: float = option("with all that turns but does not pitch (HubMass)", unit="kg", low=0, high=_BIG)
+    inertia_axial: float = option("about the shaft (HubIner)", unit="kg m^2", low=0, high=_BIG)
+    inertia_transverse: float = option("across it, about the center of mass", unit="kg m^2", low=0, high=_BIG)
+    cm_offset_along_shaft: float = option("mass center downwind of the apex (HubCM)", unit="m", low=-50, high=50)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Nacelle(ArrayRecord):
     """Everything that yaws but does not turn with the rotor, and where the shaft lies in it."""
 
-    mass: _NotNegative
-    """[kg] (NacMass)."""
-    cm: Annotated[NDArray[np.float64], Table(3, low=-100.0, high=100.0)]
-    """Center of mass (3,) from the tower top in nacelle axes (x downwind, y left, z up) [m] (NacCMxn, NacCMyn,
-    NacCMzn)."""
-    inertia: Annotated[NDArray[np.float64], Table(3, 3)]
-    """About the nacelle's center of mass, nacelle axes (3, 3) [kg m^2]. (OpenFAST's NacYIner is about the yaw axis.)"""
-    tilt: Annotated[float, Range(-np.pi / 4, np.pi / 4)]
-    """Shaft tilt [rad], positive raises the upwind end (OpenFAST ShftTilt with the opposite sign)."""
-    overhang: Annotated[float, Range(-50.0, 50.0)]
-    """From the yaw axis to the apex along the shaft [m], positive for an upwind rotor (OverHang, opposite sign)."""
-    tower_top_to_shaft: Annotated[float, Range(-20.0, 50.0)]
-    """Height of the shaft above the tower top, on the yaw axis [m] (Twr2Shft)."""
-    yaw_bearing_mass: _NotNegative
-    """At the tower top [kg] (YawBrMass)."""
-    yaw_spring: _Positive
-    """Of the yaw actuator [N m/rad] (YawSpr)."""
-    yaw_damper: _NotNegative
-    """Of the yaw actuator [N m s/rad] (YawDamp)."""
-    max_yaw_rate: Annotated[float, Range(0.0, 1.0)]
-    """[rad/s] (YawManRat)."""
+    mass: float = option("without the yaw bearing (NacMass)", unit="kg", low=0, high=_BIG)
+    cm: Array = option(
+        "center of mass from the tower top, x downwind, y left, z up (NacCM)", unit="m", shape=(3,), low=-100, high=100
+    )
+    inertia: Array = option("about the center of mass (NacYIner is about the yaw axis)", unit="kg m^2", shape=(3, 3))
+    tilt: float = option("raises the upwind end (minus ShftTilt)", unit="rad", low=-np.pi / 4, high=np.pi / 4)
+    overhang: float = option("yaw axis to apex, upwind (minus OverHang)", unit="m", low=-50, high=50)
+    tower_top_to_shaft: float = option("height on the yaw axis (Twr2Shft)", unit="m", low=-20, high=50)
+    yaw_bearing_mass: float = option("at the tower top (YawBrMass)", unit="kg", low=0, high=_BIG)
+    yaw_spring: float = option("of the yaw drive (YawSpr)", unit="N m/rad", low=0, high=_BIG, above=True)
+    yaw_damper: float = option("of the yaw drive (YawDamp)", unit="N m s/rad", low=0, high=_BIG)
+    max_yaw_rate: float = option("of the yaw drive (YawManRat)", unit="rad/s", low=0, high=1)
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         check_symmetric("Nacelle.inertia", self.inertia[None])
         least = float(np.linalg.eigvalsh(self.inertia)[0])
         if least < -1e-9 * np.abs(self.inertia).max():
             raise fail("Nacelle.inertia", f"least principal inertia {least:g} kg m^2", "principal inertias >= 0")
 
 
-@dataclass(frozen=True)
+@option_record
 class LossShares(ArrayRecord):
     """Shares of the losses of generator and converter at rated operation [-], see `wt_gym.turbines.variants`."""
 
-    copper: Annotated[float, Range(0.0, 1.0)] = 0.45
-    """c."""
-    iron: Annotated[float, Range(0.0, 1.0)] = 0.15
-    """i."""
-    converter: Annotated[float, Range(0.0, 1.0)] = 0.4
-    """k; c + i + k = 1."""
+    by_value = True
 
-    def _check(self) -> None:
+    copper: float = option("c", default=0.45, low=0, high=1)
+    iron: float = option("i", default=0.15, low=0, high=1)
+    converter: float = option("k; c + i + k = 1", default=0.4, low=0, high=1)
+
+    def check(self) -> None:
+        """Check what belongs together."""
         if abs(self.copper + self.iron + self.converter - 1.0) > 1e-9:
             raise fail("LossShares", self, "shares whose sum is 1")
 
 
-@dataclass(frozen=True)
+@option_record
 class ShaftDamper(ArrayRecord):
     """Damping of the shaft's torsion by the converter, see `wt_gym.turbines.variants.shaft_damper_of`."""
 
-    coefficient: _Positive
-    """c, torque over speed on the low-speed shaft [N m s/rad]."""
-    frequency: _Positive
-    """omega, of rotor and generator against each other [rad/s]."""
+    by_value = True
+
+    coefficient: float = option("torque over speed, low-speed shaft", unit="N m s/rad", low=0, high=_BIG, above=True)
+    frequency: float = option("of rotor against generator", unit="rad/s", low=0, high=_BIG, above=True)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Drivetrain(ArrayRecord):
     """Shaft, gearbox and generator with their limits."""
 
-    gear_ratio: Annotated[float, Range(0.1, 1000.0, above=True)]
-    """Generator speed / rotor speed (GBRatio); 1 for a direct drive."""
-    gearbox_efficiency: _Efficiency
-    """(GBoxEff / 100)."""
-    generator_efficiency: _Efficiency
-    """(GenEff / 100)."""
-    generator_inertia: _Positive
-    """About the high-speed shaft [kg m^2] (GenIner)."""
-    spring: _Positive
-    """Torsion of the drivetrain seen from the low-speed shaft [N m/rad] (DTTorSpr)."""
-    damper: _NotNegative
-    """[N m s/rad] (DTTorDmp)."""
-    rated_power: Annotated[float, Range(0.0, 1e9, above=True)]
-    """Electrical [W]."""
-    rated_rotor_speed: Annotated[float, Range(0.0, 1000.0, above=True)]
-    """[rad/s]."""
-    min_rotor_speed: float
-    """[rad/s], at most the rated one."""
-    max_generator_torque: _Positive
-    """High-speed shaft [N m] (VS_MaxTq)."""
-    max_torque_rate: _NotNegative
-    """High-speed shaft [N m/s] (VS_MaxRat); 0 for a generator that takes no demand, a linear damper."""
-    generator_damping: _NotNegative = 0.0
-    """Torque over speed of a generator that is, or may run as, a linear damper, low-speed shaft [N m s/rad]; 0 if it
-    cannot."""
-    gearbox_reverses: bool = False
-    """Whether the high-speed shaft turns against the low-speed shaft (GBRevers)."""
-    torque_lag: Annotated[float, Range(0.0, LONGEST_LAG)] = 0.0
-    """Time constant with which the torque follows its demand [s]; 0: at once (`wt_gym.turbines.variants`)."""
-    losses: LossShares | None = None
-    """Losses over speed and torque; None: ``generator_efficiency`` holds everywhere."""
-    shaft_damper: ShaftDamper | None = None
-    """Torque of the converter against the torsion of the shaft."""
+    gear_ratio: float = option("generator speed over rotor speed (GBRatio)", low=0.1, high=1000, above=True)
+    gearbox_efficiency: float = option("(GBoxEff / 100)", low=_LEAST_EFFICIENCY, high=1, above=True)
+    generator_efficiency: float = option("(GenEff / 100)", low=_LEAST_EFFICIENCY, high=1, above=True)
+    generator_inertia: float = option("high-speed shaft (GenIner)", unit="kg m^2", low=0, high=_BIG, above=True)
+    spring: float = option("low-speed shaft (DTTorSpr)", unit="N m/rad", low=0, high=_BIG, above=True)
+    damper: float = option("low-speed shaft (DTTorDmp)", unit="N m s/rad", low=0, high=_BIG)
+    rated_power: float = option("electrical", unit="W", low=0, high=1e9, above=True)
+    rated_rotor_speed: float = option("at rated power", unit="rad/s", low=0, high=1000, above=True)
+    min_rotor_speed: float = option("at most the rated one", unit="rad/s", low=0)
+    max_generator_torque: float = option("high-speed shaft (VS_MaxTq)", unit="N m", low=0, high=_BIG, above=True)
+    max_torque_rate: float = option("high-speed shaft (VS_MaxRat); 0: a linear damper", unit="N m/s", low=0, high=_BIG)
+    generator_damping: float = option(
+        "low-speed torque over speed as a linear damper; 0: none", default=0.0, unit="N m s/rad", low=0, high=_BIG
+    )
+    gearbox_reverses: bool = option("the high-speed shaft turns against the low-speed shaft (GBRevers)", default=False)
+    torque_lag: float = option(
+        "time constant of the torque behind its demand", default=0.0, unit="s", low=0, high=LONGEST_LAG
+    )
+    losses: LossShares | None = option(
+        "over speed and torque", default=None, otherwise="one efficiency", kinds=(LossShares,)
+    )
+    shaft_damper: ShaftDamper | None = option("converter against torsion", default=None, kinds=(ShaftDamper,))
 
     @property
     def speed_ratio(self) -> float:
@@ -282,9 +229,9 @@ class Drivetrain(ArrayRecord):
         """Whether the generator takes a demand for its torque."""
         return self.max_torque_rate > 0.0
 
-    def _check(self) -> None:
-        slowest = check_number("Drivetrain.min_rotor_speed", self.min_rotor_speed, 0.0, self.rated_rotor_speed)
-        self._set(min_rotor_speed=slowest)
+    def check(self) -> None:
+        """Check what belongs together."""
+        check_number("Drivetrain.min_rotor_speed", self.min_rotor_speed, 0.0, self.rated_rotor_speed)
         if self.takes_torque:
             return
         if not self.generator_damping > 0.0:
@@ -294,37 +241,29 @@ class Drivetrain(ArrayRecord):
                 raise fail(f"Drivetrain.{name}", getattr(self, name), f"{off} for a generator that takes no demand")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class PitchSystem(ArrayRecord):
-    """Limits and bandwidth of the pitch actuators."""
+    """Limits and bandwidth of the pitch actuators.
 
-    min_pitch: Annotated[float, Range(-np.pi / 2, np.pi)]
-    """[rad] (PC_MinPit)."""
-    max_pitch: float
-    """[rad] (PC_MaxPit), above the least one and at most pi."""
-    max_rate: Annotated[float, Range(0.0, 10.0, above=True)]
-    """[rad/s] (PC_MaxRat)."""
-    servo_frequency: Annotated[float | None, Range(0.1, 100.0)] = None
-    """Natural frequency ω of the drive as a servo behind the demand [rad/s] (ROSCO's PA_CornerFreq), θ̈ = ω² (c − θ) −
-    2 ζ ω θ̇. None, the default: an ideal drive, which follows the demand at up to ``max_rate``. windIO files say nothing
-    about it, and the baseline controller of the NREL 5-MW is published without dynamics of the actuators
-    (NREL/TP-500-38060, section 7)."""
-    servo_damping: Annotated[float, Range(0.1, 10.0)] = 1.0
-    """Damping ratio ζ of that servo (ROSCO's PA_Damping), by default 1; behind a moving demand its lag is 2 ζ/ω."""
+    Without a servo the drive is ideal and follows the demand c at up to ``max_rate``: windIO files are silent on it,
+    and the baseline controller of the NREL 5-MW is published without dynamics of the actuators (NREL/TP-500-38060,
+    section 7).
+    """
 
-    def _check(self) -> None:
-        low = self.min_pitch
-        self._set(max_pitch=check_number("PitchSystem.max_pitch", self.max_pitch, low, np.pi, open_low=True))
+    min_pitch: float = option("(PC_MinPit)", unit="rad", low=-np.pi / 2, high=np.pi)
+    max_pitch: float = option("above ``min_pitch`` (PC_MaxPit)", unit="rad", high=np.pi)
+    max_rate: float = option("(PC_MaxRat)", unit="rad/s", low=0, high=10, above=True)
+    servo_frequency: float | None = option(
+        "ω of a servo θ̈ = ω² (c − θ) − 2 ζ ω θ̇ (PA_CornerFreq)", default=None, unit="rad/s", low=0.1, high=100
+    )
+    servo_damping: float = option("ζ of that servo (PA_Damping); its lag is 2 ζ/ω", default=1.0, low=0.1, high=10)
 
-
-_Angle = Annotated[float | None, Range(-np.pi, np.pi)]
-_Speed = Annotated[float | None, Range(0.0, 1e4)]
-_Gain = Annotated[float | None, Range(0.0, _BIG_GAIN)]
-_Share = Annotated[float | None, Range(0.0, 1e3)]
-_Zeta = Annotated[float | None, Range(0.0, 10.0)]
+    def check(self) -> None:
+        """Check what belongs together."""
+        check_number("PitchSystem.max_pitch", self.max_pitch, self.min_pitch, np.pi, open_low=True)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class ControlData(ArrayRecord):
     """Numbers of a turbine's own controller, as far as they are known; None stands for what is not published.
 
@@ -333,83 +272,87 @@ class ControlData(ArrayRecord):
     convention in which more pitch and more torque slow the rotor down, so all are positive.
     """
 
-    fine_pitch: _Angle = None
-    """Pitch of optimal power below rated [rad]."""
-    optimal_tip_speed_ratio: Annotated[float | None, Range(0.1, 50.0)] = None
-    """[-]."""
-    peak_power_coefficient: Annotated[float | None, Range(0.01, 0.7)] = None
-    """Aerodynamic power coefficient at fine pitch and optimal tip-speed ratio [-]."""
-    region_2_gain: _Gain = None
-    """Generator torque over the square of the generator speed below rated [N m/(rad/s)^2]."""
-    air_density: Annotated[float | None, Range(0.1, 10.0)] = None
-    """For which the region-2 gain is made [kg/m^3]; None for the standard atmosphere at sea level."""
-    cut_in_generator_speed: _Speed = None
-    """Generator speed at which torque begins [rad/s] (VS_CtInSp)."""
-    region_2_speed: _Speed = None
-    """Generator speed at which region 2 begins [rad/s] (VS_Rgn2Sp)."""
-    region_3_speed: _Speed = None
-    """Generator speed from which on region 3 holds [rad/s] (VS_RtGnSp)."""
-    slip: Annotated[float | None, Range(0.0, 1.0)] = None
-    """Slip of region 2 1/2 as a fraction (VS_SlPc / 100)."""
-    rated_mechanical_power: Annotated[float | None, Range(0.0, 1e9)] = None
-    """Power on the high-speed shaft that region 3 holds [W] (VS_RtPwr)."""
-    torque_proportional_gain: _Gain = None
-    """From generator speed error to generator torque [N m s/rad]."""
-    torque_integral_gain: _Gain = None
-    """Of its integral [N m/rad]."""
-    constant_power: bool | None = None
-    """Whether region 3 holds power (True) or torque (False). A held torque makes more than rated power while the rotor
-    is faster than rated, as in ROSCO."""
-    gain_pitch: Annotated[NDArray[np.float64] | None, Table("gains", low=-np.pi, high=np.pi, ascending=1)] = None
-    """Pitch of the gain schedule, ascending (n,) [rad]; the two columns below come with it."""
-    pitch_proportional_gain: Annotated[NDArray[np.float64] | None, Table("gains", low=-_BIG_GAIN)] = None
-    """From generator speed error [rad/s] to pitch [rad] at ``gain_pitch`` (n,) [s]. It may turn negative at a large
-    pitch, where the air damps more than is required."""
-    pitch_integral_gain: Annotated[NDArray[np.float64] | None, Table("gains", low=0.0)] = None
-    """Of its integral (n,) [-]."""
-    reference_generator_speed: _Speed = None
-    """Generator speed that the pitch controller holds [rad/s] (PC_RefSpd)."""
-    speed_filter_frequency: Annotated[float | None, Range(1e-3, 1e3)] = None
-    """Corner frequency of the low-pass filter on the generator speed [rad/s]."""
-    speed_filter_damping: _Zeta = None
-    """Its damping ratio where the filter is of second order [-]; None for first order."""
-    gain_doubling_pitch: Annotated[float | None, Range(1e-4, 10.0)] = None
-    """Pitch at which the gains are half of those at zero pitch [rad] (PC_KK); ``gain_pitch`` is then the one value
-    0."""
-    power_per_pitch: Annotated[float | None, Range(-_BIG_GAIN, 0.0)] = None
-    """Change of the aerodynamic power with the pitch at rated and fine pitch [W/rad], negative."""
-    min_pitch_wind: Annotated[NDArray[np.float64] | None, Table("winds", low=-200.0, high=200.0, ascending=1)] = None
-    """Wind speed at hub height, ascending (m,) [m/s]: peak shaving and power below rated."""
-    min_pitch: Annotated[NDArray[np.float64] | None, Table("winds", low=-np.pi)] = None
-    """Least pitch there (m,) [rad]. Both or neither."""
-    pitch_actuator_frequency: Annotated[float | None, Range(1e-2, 1e3)] = None
-    """Natural frequency of the pitch actuator as a second-order system [rad/s]."""
-    pitch_actuator_damping: _Zeta = None
-    """Its damping ratio [-]."""
-    natural_frequency: Annotated[float | None, Range(1e-3, 100.0)] = None
-    """Of the speed loop for which the pitch gains were made [rad/s]."""
-    damping_ratio: _Zeta = None
-    """Of that loop [-]."""
-    region_3_min_pitch: _Angle = None
-    """Pitch from which on the torque controller is in region 3 [rad] (VS_Rgn3MP)."""
-    max_pitch: _Angle = None
-    """Limit of the pitch controller where it is not that of the drives [rad] (PC_MaxPit)."""
-    max_pitch_rate: Annotated[float | None, Range(1e-6, 10.0)] = None
-    """The same for the rate [rad/s] (PC_MaxRat)."""
-    trim_wind: Annotated[NDArray[np.float64] | None, Table("trims", low=-200.0, high=200.0, ascending=1)] = None
-    """Wind speed at hub height from rated on, ascending (k,) [m/s]."""
-    trim_pitch: Annotated[NDArray[np.float64] | None, Table("trims", low=-np.pi)] = None
-    """Steady pitch there (k,) [rad]. Both or neither."""
-    speed_shift_per_pitch: _Share = None
-    """Fall of the speed that the torque law tracks, over rated speed, per pitch above the least pitch [1/rad]: the
-    set-point smoother (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.4)."""
-    speed_shift_per_power: _Share = None
-    """Rise of the speed that the pitch law holds, over rated speed, per power missing to rated, over rated power
-    [-]."""
-    speed_shift_frequency: Annotated[float | None, Range(1e-4, 1e3)] = None
-    """Corner frequency of the low-pass filter on both shifts [rad/s]."""
+    fine_pitch: float | None = option("of optimal power below rated", default=None, unit="rad", low=-np.pi, high=np.pi)
+    optimal_tip_speed_ratio: float | None = option("at fine pitch", default=None, low=0.1, high=50)
+    peak_power_coefficient: float | None = option("at the optimal tip-speed ratio", default=None, low=0.01, high=0.7)
+    region_2_gain: float | None = option(
+        "generator torque over the square of its speed", default=None, unit="N m/(rad/s)^2", low=0, high=_BIG_GAIN
+    )
+    air_density: float | None = option(
+        "of the region-2 gain", default=None, unit="kg/m^3", otherwise="standard, at sea level", low=0.1, high=10
+    )
+    cut_in_generator_speed: float | None = option(
+        "torque begins (VS_CtInSp)", default=None, unit="rad/s", low=0, high=1e4
+    )
+    region_2_speed: float | None = option("region 2 begins (VS_Rgn2Sp)", default=None, unit="rad/s", low=0, high=1e4)
+    region_3_speed: float | None = option("region 3 begins (VS_RtGnSp)", default=None, unit="rad/s", low=0, high=1e4)
+    slip: float | None = option("of region 2 1/2 (VS_SlPc / 100)", default=None, low=0, high=1)
+    rated_mechanical_power: float | None = option(
+        "of the generator shaft (VS_RtPwr)", default=None, unit="W", low=0, high=1e9
+    )
+    torque_proportional_gain: float | None = option(
+        "from generator speed error to torque", default=None, unit="N m s/rad", low=0, high=_BIG_GAIN
+    )
+    torque_integral_gain: float | None = option("of its integral", default=None, unit="N m/rad", low=0, high=_BIG_GAIN)
+    constant_power: bool | None = option("region 3 holds power, not torque (as ROSCO can)", default=None)
+    gain_pitch: Array | None = option(
+        "of the gain schedule", default=None, unit="rad", shape=("gains",), low=-np.pi, high=np.pi, ascending=1
+    )
+    pitch_proportional_gain: Array | None = option(
+        "from speed error to pitch; may turn negative", default=None, unit="s", shape=("gains",), low=-_BIG_GAIN
+    )
+    pitch_integral_gain: Array | None = option("of its integral", default=None, unit="-", shape=("gains",), low=0)
+    reference_generator_speed: float | None = option(
+        "that the pitch controller holds (PC_RefSpd)", default=None, unit="rad/s", low=0, high=1e4
+    )
+    speed_filter_frequency: float | None = option(
+        "corner of the low-pass filter on the generator speed", default=None, unit="rad/s", low=1e-3, high=1e3
+    )
+    speed_filter_damping: float | None = option("of it", default=None, otherwise="first order", low=0, high=10)
+    gain_doubling_pitch: float | None = option(
+        "where gains are half of those at ``gain_pitch`` 0 (PC_KK)", default=None, unit="rad", low=1e-4, high=10
+    )
+    power_per_pitch: float | None = option(
+        "aerodynamic, at rated and fine pitch", default=None, unit="W/rad", low=-_BIG_GAIN, high=0
+    )
+    min_pitch_wind: Array | None = option(
+        "wind speed at hub height", default=None, unit="m/s", shape=("winds",), low=-200, high=200, ascending=1
+    )
+    min_pitch: Array | None = option("least pitch there", default=None, unit="rad", shape=("winds",), low=-np.pi)
+    pitch_actuator_frequency: float | None = option("of second order", default=None, unit="rad/s", low=1e-2, high=1e3)
+    pitch_actuator_damping: float | None = option("damping ratio", default=None, unit="-", low=0, high=10)
+    natural_frequency: float | None = option(
+        "of the speed loop as designed", default=None, unit="rad/s", low=1e-3, high=100
+    )
+    damping_ratio: float | None = option("of that loop", default=None, unit="-", low=0, high=10)
+    region_3_min_pitch: float | None = option(
+        "from which region 3 holds (VS_Rgn3MP)", default=None, unit="rad", low=-np.pi, high=np.pi
+    )
+    max_pitch: float | None = option(
+        "where it is not that of the drives (PC_MaxPit)", default=None, unit="rad", low=-np.pi, high=np.pi
+    )
+    max_pitch_rate: float | None = option("likewise (PC_MaxRat)", default=None, unit="rad/s", low=1e-6, high=10)
+    trim_wind: Array | None = option(
+        "from rated on", default=None, unit="m/s", shape=("trims",), low=-200, high=200, ascending=1
+    )
+    trim_pitch: Array | None = option("steady pitch there", default=None, unit="rad", shape=("trims",), low=-np.pi)
+    speed_shift_per_pitch: float | None = option(
+        "fall of the speed that the torque law tracks, over rated speed, per pitch above the least: the set-point "
+        "smoother (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.4)",
+        default=None,
+        unit="1/rad",
+        low=0,
+        high=1e3,
+    )
+    speed_shift_per_power: float | None = option(
+        "of the pitch law, over rated, per missing power over rated", default=None, low=0, high=1e3
+    )
+    speed_shift_frequency: float | None = option(
+        "corner of the low-pass filter on both", default=None, unit="rad/s", low=1e-4, high=1e3
+    )
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         for grid, *columns in (
             ("gain_pitch", "pitch_proportional_gain", "pitch_integral_gain"),
             ("trim_wind", "trim_pitch"),
@@ -424,56 +367,46 @@ class ControlData(ArrayRecord):
             raise fail("ControlData.gain_doubling_pitch", self.gain_doubling_pitch, "None unless gain_pitch is [0]")
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@option_record
 class Turbine(ArrayRecord):
     """A complete turbine."""
 
-    name: str
-    n_blades: Annotated[int, Range(1, 10, whole=True)]
-    rotor_orientation: Annotated[str, OneOf("upwind")]
-    rotor_diameter: Annotated[float, Range(0.1, 1000.0)]
-    """[m], within 1 % of what blade, hub and cone give."""
-    hub_height: Annotated[float, Range(0.1, 1000.0)]
-    """Of the apex above ground or mean sea level, undeformed [m]."""
-    rated_wind_speed: float
-    """[m/s], above cut-in."""
-    cut_in: Annotated[float, Range(0.0, 30.0)]
-    """[m/s]."""
-    cut_out: float
-    """[m/s]."""
-    air_density: _Density
-    """[kg/m^3]."""
-    blade: Blade
-    tower: Tower
-    hub: Hub
-    nacelle: Nacelle
-    drivetrain: Drivetrain
-    pitch: PitchSystem
-    iec_class: Annotated[str, OneOf("I", "II", "III", "IV")]
-    turbulence_class: Annotated[str, OneOf("A+", "A", "B", "C")]
-    """Of IEC 61400-1."""
-    notes: tuple[str, ...] = ()
-    """Assumptions of the reader where the file does not say it, in plain words."""
-    control: ControlData | None = None
-    """Published numbers of the turbine's own controller."""
-    design_air_density: Annotated[float | None, Range(0.1, 10.0)] = None
-    """Of the air for which the turbine's controller is designed [kg/m^3], where it is not ``air_density``."""
-    rotation: Annotated[str, OneOf("clockwise", "counter-clockwise")] = "clockwise"
-    """Direction in which the rotor turns, seen looking downwind. Blade data are in the frame of the blade, z to the
-    tip, x to the suction side, y to the trailing edge, which is left-handed where the rotor turns counter-clockwise
-    (`wt_gym.turbines.variants.mirrored`)."""
-    ice: BladeIce | None = None
-    """On one of the blades."""
+    name: str = option("of the turbine")
+    n_blades: int = option("of the rotor", low=1, high=10)
+    rotor_orientation: str = option("of the tower", choices=("upwind",))
+    rotor_diameter: float = option("within 1 % of what blade, hub and cone give", unit="m", low=0.1, high=1000)
+    hub_height: float = option("of the undeformed apex above ground or sea", unit="m", low=0.1, high=1000)
+    rated_wind_speed: float = option("above cut-in", unit="m/s", high=40)
+    cut_in: float = option("wind speed", unit="m/s", low=0, high=30)
+    cut_out: float = option("wind speed, at least rated", unit="m/s", high=100)
+    air_density: float = option("at the site", unit="kg/m^3", low=0.1, high=10)
+    blade: Blade = option("each of the blades", kinds=(Blade,))
+    tower: Tower = option("with its support", kinds=(Tower,))
+    hub: Hub = option("of the rotor", kinds=(Hub,))
+    nacelle: Nacelle = option("with the yaw drive", kinds=(Nacelle,))
+    drivetrain: Drivetrain = option("with the generator", kinds=(Drivetrain,))
+    pitch: PitchSystem = option("drives of the blades", kinds=(PitchSystem,))
+    iec_class: str = option("of IEC 61400-1", choices=("I", "II", "III", "IV"))
+    turbulence_class: str = option("of IEC 61400-1", choices=("A+", "A", "B", "C"))
+    notes: Notes = option("assumptions of the reader, where the file does not say it", default=(), kinds=(tuple,))
+    control: ControlData | None = option("of its own controller, as published", default=None, kinds=(ControlData,))
+    design_air_density: float | None = option(
+        "of its controller", default=None, unit="kg/m^3", otherwise="``air_density``", low=0.1, high=10
+    )
+    rotation: str = option(
+        "of the rotor, seen looking downwind; where it is counter-clockwise the frame of the blade is left-handed "
+        "(`wt_gym.turbines.variants.mirrored`)",
+        default="clockwise",
+        choices=("clockwise", "counter-clockwise"),
+    )
+    ice: BladeIce | None = option("on one of the blades", default=None, kinds=(BladeIce,))
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Check what belongs together."""
         if self.ice is not None and self.ice.blade > self.n_blades:
             raise fail("Turbine.ice", self.ice, f"None or ice on one of the {self.n_blades} blades")
-        rated = check_number("Turbine.rated_wind_speed", self.rated_wind_speed, self.cut_in, 40.0, open_low=True)
-        self._set(
-            rated_wind_speed=rated,
-            cut_out=check_number("Turbine.cut_out", self.cut_out, rated, 100.0),
-            notes=tuple(self.notes),
-        )
+        check_number("Turbine.rated_wind_speed", self.rated_wind_speed, self.cut_in, 40.0, open_low=True)
+        check_number("Turbine.cut_out", self.cut_out, self.rated_wind_speed, 100.0)
         hub, nacelle = self.hub, self.nacelle
         diameter = 2.0 * (hub.radius + self.blade.length) * float(np.cos(hub.cone))
         height = self.tower.height + nacelle.tower_top_to_shaft + nacelle.overhang * float(np.sin(nacelle.tilt))
@@ -523,7 +456,7 @@ class Turbine(ArrayRecord):
         return with_site(self, site)
 
     @property
-    def title(self) -> str:
+    def heading(self) -> str:
         """Name for headings, with what is unusual about the turbine."""
         return self.name if self.rotation == "clockwise" else f"{self.name}, {self.rotation}"
 

@@ -19,8 +19,6 @@ from wt_gym.turbines.openfast_control import Rating, read_openfast_control, read
 from wt_gym.turbines.openfast_text import Model, TextFile
 from wt_gym.turbines.windio_machine import yaw_actuator
 
-__all__ = ["compare_with_openfast_io", "read_openfast"]
-
 CUT_IN, CUT_OUT = 3.0, 25.0
 """Where a model has none [m/s]: OpenFAST models do not say it."""
 

@@ -47,33 +47,18 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wt_gym.base.types import Array
 from wt_gym.turbines.blade import BeamStations
 from wt_gym.turbines.checks import check_number, fail
-from wt_gym.turbines.model import LONGEST_LAG, STRONGEST, LossShares, Nacelle, ShaftDamper, Tower, Turbine
+from wt_gym.turbines.model import STRONGEST, LossShares, ShaftDamper, Turbine
 
 if TYPE_CHECKING:
     from wt_gym.turbines.blade import Blade
     from wt_gym.turbines.model import Drivetrain, Hub
 
-__all__ = [
-    "GENERATORS", "LONGEST_LAG", "REFLECTION", "REFLECTION_6", "LossShares", "clockwise_image", "electrical_power",
-    "mirrored", "rotor_inertia_without_generator", "shaft_damper_of", "unloaded_clearance", "with_damper",
-    "with_electrical", "with_generator",
-]  # fmt: skip
-
 MOST_TORQUE = 1.1
 """Greatest torque that a damper is to bear, over that at rated power, for the range of sensors."""
-
-
-def damped_speed(drivetrain: Drivetrain, power: float) -> float:
-    """Rotor speed [rad/s] at which a damper makes an electrical power [W]: P = η c Ω².
-
-    η is the efficiency of gearbox and generator, c ``drivetrain.generator_damping``.
-    """
-    efficiency = drivetrain.gearbox_efficiency * drivetrain.generator_efficiency
-    return math.sqrt(power / (efficiency * drivetrain.generator_damping))
 
 
 def with_damper(turbine: Turbine) -> Turbine:
@@ -89,7 +74,10 @@ def with_damper(turbine: Turbine) -> Turbine:
         raise fail(
             f"generator of {turbine.name!r}", "damper", "'torque': its Drivetrain.generator_damping [N m s/rad] is 0"
         )
-    speed = min(damped_speed(drivetrain, drivetrain.rated_power), drivetrain.rated_rotor_speed)
+    # a damper c makes the electrical power P = η c Ω², with the efficiency η of gearbox and generator
+    efficiency = drivetrain.gearbox_efficiency * drivetrain.generator_efficiency
+    speed = math.sqrt(drivetrain.rated_power / (efficiency * drivetrain.generator_damping))
+    speed = min(speed, drivetrain.rated_rotor_speed)
     torque = drivetrain.generator_damping * speed * drivetrain.gearbox_efficiency / drivetrain.gear_ratio
     damped = replace(
         drivetrain,
@@ -204,8 +192,6 @@ REFLECTION_6 = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Signs of the components of a vector and a pseudovector: displacement and rotation, or force and moment."""
 REFLECTION.flags.writeable = REFLECTION_6.flags.writeable = False
 
-_OPPOSITE = {"clockwise": "counter-clockwise", "counter-clockwise": "clockwise"}
-
 
 def mirrored(turbine: Turbine) -> Turbine:
     """Return the mirror image of a turbine, whose rotor turns the other way.
@@ -216,11 +202,16 @@ def mirrored(turbine: Turbine) -> Turbine:
     >>> mirrored(load_turbine("nrel_5mw")).rotation
     'counter-clockwise'
     """
+    nacelle, tower, support = turbine.nacelle, turbine.tower, turbine.tower.support
+    inertia = _signed(nacelle.inertia, np.outer(REFLECTION, REFLECTION))
+    if support is not None:
+        foundation = None if support.foundation is None else _mirrored_matrix(support.foundation)
+        support = replace(support, structure=_mirrored_beam(support.structure), foundation=foundation)
     return replace(
         turbine,
-        nacelle=_mirrored_nacelle(turbine.nacelle),
-        tower=_mirrored_tower(turbine.tower),
-        rotation=_OPPOSITE[turbine.rotation],
+        nacelle=replace(nacelle, cm=_signed(nacelle.cm, REFLECTION), inertia=inertia),
+        tower=replace(tower, structure=_mirrored_beam(tower.structure), support=support),
+        rotation="counter-clockwise" if turbine.rotation == "clockwise" else "clockwise",
     )
 
 
@@ -229,29 +220,16 @@ def clockwise_image(turbine: Turbine) -> Turbine:
     return turbine if turbine.rotation == "clockwise" else mirrored(turbine)
 
 
-def _mirrored_nacelle(nacelle: Nacelle) -> Nacelle:
-    cm = _signed(nacelle.cm, REFLECTION)
-    return replace(nacelle, cm=cm, inertia=_signed(nacelle.inertia, np.outer(REFLECTION, REFLECTION)))
-
-
-def _mirrored_tower(tower: Tower) -> Tower:
-    support = tower.support
-    if support is not None:
-        foundation = None if support.foundation is None else _mirrored_matrix(support.foundation)
-        support = replace(support, structure=_mirrored_beam(support.structure), foundation=foundation)
-    return replace(tower, structure=_mirrored_beam(tower.structure), support=support)
-
-
 def _mirrored_beam(beam: BeamStations) -> BeamStations:
     return replace(beam, stiffness=_mirrored_matrix(beam.stiffness), inertia=_mirrored_matrix(beam.inertia))
 
 
-def _mirrored_matrix(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mirrored_matrix(matrix: Array) -> Array:
     """Reflect matrices (..., 6, 6) of displacements and rotations."""
     return _signed(matrix, np.outer(REFLECTION_6, REFLECTION_6))
 
 
-def _signed(values: NDArray[np.float64], signs: NDArray[np.float64]) -> NDArray[np.float64]:
+def _signed(values: Array, signs: Array) -> Array:
     """Values with signs; zeros stay as they are, so that what is alike on both sides is bit for bit its own image."""
     return np.where(values == 0.0, values, values * signs)
 

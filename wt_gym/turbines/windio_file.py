@@ -13,11 +13,9 @@ without is for its readers to say.
 from __future__ import annotations
 
 import codecs
-import contextlib
 import difflib
 import hashlib
 import json
-import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,15 +26,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.files import write_text_whole
-from wt_gym.base.user_cache import user_cache
-from wt_gym.turbines.checks import check_array, check_ascending, check_number, fail, short
+from wt_gym.base.options import shown
+from wt_gym.base.types import Array
+from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
+from wt_gym.turbines.checks import check_array, check_number, fail
 from wt_gym.turbines.windio_layouts import adopt_layout, to_version_2
-
-__all__ = ["Node", "WindioFile", "read_windio", "within"]
 
 _MOST_LEVELS, _MOST_ENTRIES = 50, 3_000_000  # the turbines of windIO have 12 levels and some ten thousand entries
 _MOST_FILES, _MOST_BYTES = 300, 30_000_000  # read for one turbine; included ones count each time
@@ -127,21 +124,21 @@ class Node:
             raise fail(self.where(key), value, "a text")
         return value
 
-    def array(self, key: str, size: int | None = None) -> NDArray[np.float64]:
+    def array(self, key: str, size: int | None = None) -> Array:
         """Return a list of finite numbers, of a given length unless ``size`` is None."""
-        return check_array(self.where(key), self._get(key, "a list of numbers"), (size,))
+        return check_array(self.where(key), self._get(key, "a list of numbers"), size or "n")
 
-    def grid(self, key: str = "grid") -> NDArray[np.float64]:
+    def grid(self, key: str = "grid") -> Array:
         """Return a nondimensional grid that ascends from 0 (root, base) to 1 (tip, top)."""
-        grid = check_array(self.where(key), self._get(key, "a list of numbers from 0 to 1"), (None,), low=0.0, high=1.0)
-        check_ascending(self.where(key), grid)
+        values = self._get(key, "a list of numbers from 0 to 1")
+        grid = check_array(self.where(key), values, "n", low=0.0, high=1.0, ascending=2)
         if grid[0] > 1e-6 or grid[-1] < 1.0 - 1e-6:
             raise fail(self.where(key), [float(grid[0]), float(grid[-1])], "a grid from 0 (root, base) to 1 (tip, top)")
         grid = grid.copy()
         grid[0], grid[-1] = 0.0, 1.0
         return grid
 
-    def distribution(self, key: str, scale: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def distribution(self, key: str, scale: float = 1.0) -> tuple[Array, Array]:
         """Return grid (n,) and values (n,) times ``scale`` of a quantity distributed along the component."""
         node = self.at(key, "a mapping with grid and values")
         grid = node.grid()
@@ -290,7 +287,7 @@ class _Loader:
         """Content of an included file, which stands beside the one that includes it."""
         name = node.value.replace("\\", "/") if isinstance(node.value, str) else node.value  # as Windows writes it
         if not isinstance(name, str) or Path(name).suffix.lower() not in (".yaml", ".yml"):
-            raise TurbineDefinitionError(f"!include {short(name, 100)}: one YAML file is needed, *.yaml or *.yml")
+            raise TurbineDefinitionError(f"!include {shown(name)}: one YAML file is needed, *.yaml or *.yml")
         if not (folder / name).is_file():  # nor a device or a pipe, which have no end
             raise TurbineDefinitionError(f"!include {name}: there is no such file in {folder}")
         return self.load(folder / name)
@@ -341,65 +338,45 @@ def _check_extent(data: Any) -> None:
 
 _FORMAT = 5  # raise when what is checked before a file counts as valid changes
 _KEPT = 100  # files, of some 0.5 MB each
-_log = logging.getLogger(__name__)
 
 
 def _cached(content: bytes) -> dict[str, Any] | None:
     """Return what a file of this content holds, or None if it has not been read before."""
-    path = _path(content)
-    if path is None:
-        return None
-    try:
+
+    def read(path: Path) -> dict[str, Any]:
         digest, _, text = path.read_text(encoding="utf-8").partition("\n")
         if digest != _digest(text):
             raise ValueError("it is damaged")
         data = json.loads(text)
         if not isinstance(data, dict):
             raise ValueError("it holds no turbine")
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, RecursionError) as error:
-        _log.warning("cached turbine %s is unusable (%s); its file is read again", path, error)
-        return None
-    return data
+        return data
+
+    return read_cached("turbine", _path(content), read, (OSError, ValueError, RecursionError))
 
 
 def _store(content: bytes, data: dict[str, Any]) -> None:
     """Keep what a file holds, unless JSON does not give back just this; a warning if it cannot be written."""
     path = _path(content)
-    if path is None:
-        return
     try:
         text = json.dumps(data, allow_nan=False)
     except (TypeError, ValueError):  # dates, integers of thousands of digits
         return
-    if json.loads(text) != data:
+    if path is None or json.loads(text) != data:
         return
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text_whole(path, f"{_digest(text)}\n{text}")
-        age = {}
-        for file in path.parent.glob("*.json"):
-            with contextlib.suppress(FileNotFoundError):  # another process may remove files at the same time
-                age[file] = file.stat().st_mtime
-        for file in sorted(age, key=lambda one: age[one])[: max(len(age) - _KEPT, 0)]:
-            file.unlink(missing_ok=True)
-    except OSError as error:
-        _log.warning("turbine could not be cached in %s (%s)", path.parent, error)
+    if write_cached("turbine", path, lambda file: write_text_whole(file, f"{_digest(text)}\n{text}")):
+        prune(path.parent.glob("*.json"), _KEPT)
 
 
 def _path(content: bytes) -> Path | None:
     """Path by the digest of the file and the version of windIO whose schema it fits."""
-    folder = user_cache()
-    if folder is None:
-        return None
     try:
         schema = version("windIO")
     except PackageNotFoundError:
         return None
     digest = hashlib.sha256(content)
     digest.update(f"\0{_FORMAT}\0{schema}".encode())
-    return folder / "turbines" / f"{digest.hexdigest()[:32]}.json"
+    return cached_file("turbines", f"{digest.hexdigest()[:32]}.json")
 
 
 def _digest(text: str) -> str:

@@ -12,9 +12,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import logging
 import os
-import tempfile
 import tokenize
 import warnings
 import zipfile
@@ -28,8 +26,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import InflowError
+from wt_gym.base.files import write_whole
 from wt_gym.base.types import Array
-from wt_gym.base.user_cache import user_cache
+from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
 from wt_gym.wind.inflow import POSITIVE, check_numbers, fill_in, require_number, set_read_only
 from wt_gym.wind.kaimal import BoxParameters, KaimalParameters
 from wt_gym.wind.mann import MannParameters
@@ -43,16 +42,12 @@ _DAMAGE = (
     OSError, ValueError, KeyError, TypeError, EOFError, OverflowError, MemoryError, BufferError, SyntaxError,
     tokenize.TokenError, zipfile.BadZipFile,
 )  # fmt: skip
-_log = logging.getLogger(__name__)
 
 
 def cache_file(parameters: BoxParameters) -> Path | None:
     """File in which the box of these parameters is or would be kept."""
-    folder = user_cache()
-    if folder is None:
-        return None
     digest = hashlib.sha256(_label(parameters).encode()).hexdigest()[:20]
-    return folder / "turbulence" / f"{parameters.model}-{digest}.npy"
+    return cached_file("turbulence", f"{parameters.model}-{digest}.npy")
 
 
 def _label(parameters: BoxParameters) -> str:
@@ -61,64 +56,33 @@ def _label(parameters: BoxParameters) -> str:
 
 def load(parameters: BoxParameters) -> NDArray[np.float32] | None:
     """Fluctuations (n_times, n_z, n_y, 3) from the cache, or None if there is no intact file."""
-    path = cache_file(parameters)
-    if path is None:
-        return None
-    try:
+
+    def read(path: Path) -> NDArray[np.float32]:
         with path.open("rb") as file:
             label, checksum, fluctuation = (np.load(file, allow_pickle=False) for _ in range(3))
         if zlib.crc32(fluctuation.data) != checksum:
             raise ValueError("its samples do not have their checksum")
-    except FileNotFoundError:
-        return None
-    except _DAMAGE as error:
-        _log.warning("cached turbulence %s is unreadable (%s); it is made again", path, error)
-        return None
-    shape = (parameters.n_times, parameters.grid[1], parameters.grid[0], 3)
-    if str(label) != _label(parameters) or fluctuation.shape != shape or fluctuation.dtype != np.float32:
-        _log.warning("cached turbulence %s holds another box; it is made again", path)
-        return None
-    found: NDArray[np.float32] = fluctuation
-    with contextlib.suppress(OSError):  # a read-only cache is still a good cache
-        os.utime(path)
-    return found
+        shape = (parameters.n_times, parameters.grid[1], parameters.grid[0], 3)
+        if str(label) != _label(parameters) or fluctuation.shape != shape or fluctuation.dtype != np.float32:
+            raise ValueError("it holds another box")
+        with contextlib.suppress(OSError):  # a read-only cache is still a good cache
+            os.utime(path)
+        found: NDArray[np.float32] = fluctuation
+        return found
+
+    return read_cached("turbulence", cache_file(parameters), read, _DAMAGE)
 
 
 def store(parameters: BoxParameters, fluctuation: NDArray[np.float32]) -> None:
     """Write the box so that other processes see either the whole file or none."""
+
+    def write(file: Any) -> None:
+        for array in (np.array(_label(parameters)), np.uint32(zlib.crc32(fluctuation.data)), fluctuation):
+            np.save(file, array)
+
     path = cache_file(parameters)
-    if path is None:
-        return
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=path.stem, suffix=".partial", dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                for array in (np.array(_label(parameters)), np.uint32(zlib.crc32(fluctuation.data)), fluctuation):
-                    np.save(file, array)
-            os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
-        _prune(path)
-    except OSError as error:
-        _log.warning("turbulence could not be cached in %s (%s)", path.parent, error)
-
-
-def _prune(newest: Path) -> None:
-    """Remove the boxes not used for longest until the folder is within its limit; ``newest`` stays."""
-    boxes = []
-    for path in [*newest.parent.glob("kaimal-*"), *newest.parent.glob("mann-*")]:
-        with contextlib.suppress(FileNotFoundError):  # another process may prune at the same time
-            status = path.stat()
-            boxes.append((status.st_mtime, status.st_size, path))
-    total = sum(size for _, size, _ in boxes)
-    for _, size, path in sorted(boxes):
-        if total <= MAX_BYTES:
-            return
-        if path != newest:
-            path.unlink(missing_ok=True)
-            total -= size
+    if path is not None and write_cached("turbulence", path, lambda file: write_whole(file, write)):
+        prune((*path.parent.glob("kaimal-*"), *path.parent.glob("mann-*")), MAX_BYTES, in_bytes=True)
 
 
 _BOXES_IN_MEMORY = 8

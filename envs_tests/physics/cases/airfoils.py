@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 
 # ---- wings as inviscid vortex lattices ------------------------------------------------------------------------------
-# Wings as inviscid vortex lattices, for the cases that compare the lattice with lifting-surface theory.
-#
 # Wings lie in the y–z plane with the chord along +y and the span along +z; the lift points along +x.
 
 INVISCID: dict[str, Any] = {
@@ -37,10 +35,7 @@ STRIPS_OF_A_SECTION = 8
 class UniformStream:
     """An inflow of one velocity everywhere.
 
-    Parameters
-    ----------
-    velocity : array_like, shape (3,)
-        [m/s].
+    ``velocity`` (3,) [m/s].
     """
 
     def __init__(self, velocity: ArrayLike):
@@ -70,16 +65,9 @@ def flat_planform(
 ) -> LatticePlanform:
     """Flat wing whose reference axis is the z axis.
 
-    Parameters
-    ----------
-    edges : array_like, shape (n_span + 1,)
-        Span coordinates of the lattice [m].
-    chord, le_offset : float or array_like, shape (n_span + 1,)
-        Chord [m] and distance from the leading edge to the axis, in chords.
-    n_chord : int
-        Panels along the chord.
-    polar : ndarray, shape (n_alpha, 3), optional
-        Of the sections, on even angles from -pi on; a flat plate's in potential flow if not given.
+    ``edges`` (n_span + 1,): span coordinates of the lattice [m]; ``chord``, ``le_offset`` (n_span + 1,): chord [m] and
+    distance from the leading edge to the axis, in chords; ``n_chord``: panels along the chord; ``polar`` (n_alpha, 3)
+    of the sections, on even angles from -pi on; a flat plate's in potential flow if not given.
     """
     edges = np.asarray(edges, dtype=np.float64)
     one = np.ones_like(edges)
@@ -147,16 +135,8 @@ def far_field_drag(circulation: ArrayLike, edges: ArrayLike) -> float:
 class WingFlow:
     """A half wing, mirrored at z = 0, marched in time from rest or from an impulsive start.
 
-    Parameters
-    ----------
-    n_steps : int
-        Number of steps for which wake rows are kept.
-    dt : float
-        [s].
-    drifting : bool
-        Let the wake drift with the stream instead of moving freely.
-    **options
-        Further `AeroOptions`.
+    ``n_steps``: number of steps for which wake rows are kept; ``dt`` [s]; ``drifting``: let the wake drift with the
+    stream instead of moving freely; ``options``: further `AeroOptions`.
     """
 
     def __init__(
@@ -220,8 +200,6 @@ class WingFlow:
 
 
 # ---- Wagner and Theodorsen ------------------------------------------------------------------------------------------
-# Thin airfoils in unsteady flow: Wagner's step response and Theodorsen's oscillations, with the vortex lattice.
-#
 # The airfoil is the first strip of a very long half wing that the ground mirrors. Chord, stream and density are 1, so
 # that a step of one panel chord is 1 / n_chord and the reduced frequency is k = ω / 2.
 
@@ -238,32 +216,11 @@ AMPLITUDE = 1e-4
 """Of the angle of attack [rad]: small, so that the linear theory applies."""
 
 
-def wagner_response(
-    n_chord: int, distance: float, steps_per_panel: float = 1.0, shed_fraction: float = 0.25
-) -> tuple[np.ndarray, np.ndarray]:
-    """Lift after a sudden start, over its final value.
-
-    Parameters
-    ----------
-    n_chord : int
-        Panels along the chord.
-    distance : float
-        Travel in semi-chords.
-    steps_per_panel : float
-        Steps in which the stream passes one panel.
-    shed_fraction : float
-        Where the newest wake row lies on the path of the last step.
-
-    Returns
-    -------
-    travel, lift : ndarray, shape (n_steps,)
-    """
-    dt = 1.0 / (n_chord * steps_per_panel)
+def wagner_response(n_chord: int, distance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Travel in semi-chords, up to a distance, and lift over its final value after a sudden start, both (n_steps,)."""
+    dt = 1.0 / n_chord
     n_steps = round(0.5 * distance / dt)
-    flow = WingFlow(
-        two_dimensional_planform(n_chord), UniformStream.at_incidence(AMPLITUDE), n_steps, dt,
-        shed_fraction=shed_fraction,
-    )  # fmt: skip
+    flow = WingFlow(two_dimensional_planform(n_chord), UniformStream.at_incidence(AMPLITUDE), n_steps, dt)
     flow.start_from_rest()
     lift = np.array([flow.section_lift(flow.step()) for _ in range(n_steps)])
     return 2.0 * dt * np.arange(1, n_steps + 1), lift / (2.0 * np.pi * AMPLITUDE)
@@ -294,13 +251,9 @@ def wagner(distance=41.0) -> CaseResult:
         f"{n}: {100 * (np.interp(2.0, *wagner_response(n, 3.0)) / WAGNER[2][1] - 1):.2f}" for n in (4, 8, 16, 32)
     )
     notes = (
-        "What the lattice sheds in a step stands for a piece of the sheet one step long, and so does the starting "
-        "vortex: the lift is Wagner's half a step ago, an error of first order in the step, and 1 % at s = 0.5 takes "
-        f"32 panels. Error at s = 2 in % by panels along the chord: {at_two}. Counted from the middle of the first "
-        "step, 16 panels are within 0.3 % from s = 0.5 and within 0.01 % from s = 2 to 10. (Counting the last ring in "
-        "full in the added mass adds ρ Γ̇ p/4, p = panel chord, which happens to cancel the half step after a sudden "
-        "start, but spoils the lift of oscillations: theodorsen-convergence.) The first step has no force of the "
-        "changing circulation, the second one from a difference of first order; both are left out of the picture."
+        "The lift is Wagner's half a step ago, an error of first order in the step. Error at s = 2 in % by panels "
+        f"along the chord: {at_two}. Counted from the middle of the first step, 16 panels are within 0.3 % from s = "
+        "0.5 and within 0.01 % from s = 2 to 10. The first two steps are left out of the picture."
     )
     return CaseResult(checks, {"lift after a sudden start": Figure(tuple(curves), "s [semi-chords]", "φ")}, notes)
 
@@ -408,7 +361,6 @@ def theodorsen_case(frequencies=FREQUENCIES) -> CaseResult:
     "theodorsen-convergence",
     "Convergence of the unsteady lift in panels, step and wake",
     THEODORSEN_SOURCE,
-    quick=False,
 )
 def theodorsen_convergence() -> CaseResult:
     """Extrapolated lift at k = 0.5 and 1, and what coarse chords, other steps and shed positions cost."""
@@ -433,22 +385,16 @@ def theodorsen_convergence() -> CaseResult:
     )
     notes = (
         f"Error of the lift amplitude at k = 1 in % by panels along the chord: {size}; of second order. A step is one "
-        "panel chord, so that one or two panels have no more than three or six steps in a period here. The bound "
-        "vortices hold the circulation only up to the middle between the last of them and the first of the wake, a "
-        "quarter panel before the trailing edge; the Kutta-Joukowski sum misses the vorticity -Γ̇/V of that quarter "
-        "panel, ρ Γ̇ p/4 of lift per span (p = panel chord). Half of the last ring in the added mass takes it into "
-        "account; with the whole ring the error would be of first order, 3 % with 16 panels at k = 1. The wake must "
-        "continue the quarter points of the plate: steps of one panel with the newest row a quarter of the way. Steps "
-        "of half a panel, or a row further behind, converge with the square root of the panel size only; with steps of "
-        "two panels errors happen to cancel here."
+        "panel chord. The Kutta-Joukowski sum misses the vorticity -Γ̇/V of the last quarter panel, ρ Γ̇ p/4 of lift "
+        "per span (p = panel chord); half of the last ring in the added mass takes it into account, with the whole "
+        "ring the error would be of first order, 3 % with 16 panels at k = 1. Steps of half a panel, or a newest row "
+        "further behind than a quarter of the way, converge with the square root of the panel size only."
     )
     figure = Figure(tuple(curves), "panels along the chord", "|cl / exact - 1|", log_x=True, log_y=True)
     return CaseResult(checks, {"error of the unsteady lift": figure}, notes)
 
 
 # ---- Küssner and Sears ----------------------------------------------------------------------------------------------
-# A thin airfoil that flies through gusts: Küssner's sharp edge and Sears' waves, with the vortex lattice.
-#
 # The gust is at rest in the air and carried over the chord by the stream: every collocation point meets it at its own
 # time. (A gust that the whole chord feels at once is a plunging motion, with Wagner's and Theodorsen's functions.)
 # Chord, stream and density are 1; s counts semi-chords, and the reduced frequency is k = ω / 2.
@@ -496,10 +442,7 @@ def sharp_edged_gust(n_chord: int, distance: float) -> tuple[np.ndarray, np.ndar
 
     The stream passes one panel a step, and the gust's edge is spread over one panel.
 
-    Returns
-    -------
-    travel, lift : ndarray, shape (n_steps,)
-        Semi-chords.
+    Returns ``travel``, ``lift`` (n_steps,): semi-chords.
     """
     dt = 1.0 / n_chord
     n_steps = round(0.5 * distance / dt)
@@ -520,10 +463,7 @@ def gust_waves(k: float, n_chord: int) -> tuple[complex, complex]:
 
     The last of at least three periods, at least twenty chords long, is fitted with one harmonic and a straight line.
 
-    Returns
-    -------
-    lift, moment : complex
-        Relative to the gust at mid-chord.
+    Returns ``lift``, ``moment``: relative to the gust at mid-chord.
     """
     omega = 2.0 * k
     period = round(2.0 * np.pi / omega * n_chord)

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 
 # ---- reference solutions --------------------------------------------------------------------------------------------
-# Reference solutions for large deflections, independent of the multibody core.
-#
 # * `exact_rod`: static balance of a geometrically exact rod with any section matrix, by shooting.
 # * `BarChain`: planar dynamics of an inextensible beam as rigid bars with springs in the hinges (Hencky's chain), which
 #   converges to the dynamic elastica with the square of the bar length.
@@ -73,26 +71,10 @@ def exact_rod(
     (Reissner 1981, Z. Angew. Math. Phys. 32; Simo 1985, Comput. Methods Appl. Mech. Eng. 49, 55–70). N follows from the
     loads; the three components of the root moment are found by Newton's method from M(L).
 
-    Parameters
-    ----------
-    distributed : callable, optional
-        Dead load per arc length p(s) (3,) [N/m].
-    tip_force, tip_moment : array (3,)
-        [N], [N m]; dead.
-    n : int
-        Steps of the midpoint Lie-group rule (second order) along the rod.
-    load_steps : int
-        Load increments.
-
-    Returns
-    -------
-    (array (n + 1,), array (n + 1, 3), array (n + 1, 3, 3))
-        Arc length, deflected position and section frames.
-
-    Raises
-    ------
-    NoRodBalance
-        When Newton's method does not settle.
+    ``distributed``: dead load per arc length p(s) (3,) [N/m]; ``tip_force``, ``tip_moment`` (3,) [N], [N m]; dead;
+    ``n``: steps of the midpoint Lie-group rule (second order) along the rod; ``load_steps``: load increments. Returns
+    (n + 1,), (n + 1, 3), (n + 1, 3, 3): arc length, deflected position and section frames. Raises `NoRodBalance` when
+    Newton's method does not settle.
     """
     s = np.linspace(sections.station[0], sections.station[-1], n + 1)
     h, middle = s[1] - s[0], 0.5 * (s[1:] + s[:-1])
@@ -164,14 +146,8 @@ class BarChain:
     between the middles of its two bars (the root hinge that of the first half bar), the joint behind it the mass
     between the same points, so that properties which change within a bar are kept to second order.
 
-    Parameters
-    ----------
-    length : float
-        [m].
-    bending_stiffness, mass : callable
-        EI(s) [N m²] and mass per length [kg/m] for arrays of arc lengths.
-    n : int
-        Number of bars.
+    ``length`` [m]; ``bending_stiffness``, ``mass``: EI(s) [N m²] and mass per length [kg/m] for arrays of arc lengths;
+    ``n``: number of bars.
     """
 
     def __init__(
@@ -245,7 +221,6 @@ class BarChain:
 
 
 # ---- static deflection and free vibration ---------------------------------------------------------------------------
-# Static and free-vibration cases of one beam against beam theory.
 
 BEAM_LENGTH = 12.0
 THEORY = "Euler–Bernoulli beam theory"
@@ -265,13 +240,8 @@ def small_load_tip(beam, force, moment, scale=1e-5):
     system = MultibodySystem((0.0, 0.0, 0.0))
     root = system.add(body_from_beam("beam", beam, "nodal"), Joint("fixed"))
     tip = system.add(FlexibleBody.rigid("tip", 0.0, np.zeros(3), np.zeros((3, 3))), Joint("fixed"), root, "tip")
-    system.build()
-
-    def set_loads(_, inputs, work):
-        inputs.body_loads[:, tip, :3] = scale * work.rot[tip].T @ force
-        inputs.body_loads[:, tip, 3:6] = scale * work.rot[tip].T @ moment
-
-    y = static_balance(system, system.initial_state(), set_loads, tolerance=1e-15, step=1e-6)
+    loads = tip_loads(tip, scale * force, scale * moment)
+    y = static_balance(system.build(), system.initial_state(), loads, tolerance=1e-15)
     position, turn = body_pose(system, y, tip)
     angles = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     return np.concatenate([position - [0.0, 0.0, BEAM_LENGTH], angles]) / scale
@@ -413,27 +383,24 @@ def circular_element() -> list[Check]:
 
 
 # ---- large deflections ----------------------------------------------------------------------------------------------
-# Large deflections by cutting a beam into floating-frame bodies.
 
-NO_GRAVITY = (0.0, 0.0, 0.0)
 BATHE = "Bathe & Bolourchi 1979, Int. J. Numer. Methods Eng. 14, 961–986; Simo & Vu-Quoc 1986; Wang et al. 2015"
 
 
-def chain_with_tip(sub_bodies, gravity=NO_GRAVITY):
+def chain_with_tip(sub_bodies):
     """System of a cut beam with a massless body on its tip that takes tip loads; body indices of pieces and tip."""
-    system = MultibodySystem(gravity)
+    system = MultibodySystem((0.0, 0.0, 0.0))
     bodies = add_chain(system, sub_bodies, Joint("fixed"))
     tip = system.add(FlexibleBody.rigid("tip", 0.0, np.zeros(3), np.zeros((3, 3))), Joint("fixed"), bodies[-1], "tip")
     return system.build(), bodies, tip
 
 
-def tip_loads(tip, force=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0), follower=False):
-    """Loads for `static_balance`: force and moment on the tip body, dead (global axes) or following the tip."""
+def tip_loads(tip, force=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0)):
+    """Loads for `static_balance`: dead force and moment (global axes) on the tip body."""
 
     def set_loads(_, inputs, work):
-        turn = np.eye(3) if follower else work.rot[tip].T
-        inputs.body_loads[:, tip, :3] = turn @ force
-        inputs.body_loads[:, tip, 3:6] = turn @ moment
+        inputs.body_loads[:, tip, :3] = work.rot[tip].T @ force
+        inputs.body_loads[:, tip, 3:6] = work.rot[tip].T @ moment
 
     return set_loads
 
@@ -489,15 +456,15 @@ def bathe_bend(splits=((8, 2), (16, 1))) -> CaseResult:
 # ---- roll-up ---------------------------------------------------------------------------------------------------------
 
 
-def roll_up(n_bodies, turns=1.0, elements_each=1):
-    """Positions (n, 3) along a unit-stiffness cantilever of length 2π rolled up by the end moment 2π EI/L · turns."""
+def roll_up(n_bodies):
+    """Positions (n, 3) along a unit-stiffness cantilever of length 2π rolled up by the end moment 2π EI/L."""
     length = 2.0 * np.pi
     sections = BeamSections.uniform(length, EA=1e6, EIx=1.0, EIy=1.0, GJ=1.0, mass=1.0, Ix=1e-4, Iy=1e-4)
-    sub_bodies = cut_beam("roll", sections, n_bodies * elements_each, n_bodies, dofs=(0, 4))
+    sub_bodies = cut_beam("roll", sections, n_bodies, n_bodies, dofs=(0, 4))
     system, bodies, tip = chain_with_tip(sub_bodies)
     y = system.initial_state()
     for factor in np.linspace(0.25, 1.0, 4):
-        y = static_balance(system, y, tip_loads(tip, moment=(0.0, factor * turns, 0.0)), tolerance=1e-9)
+        y = static_balance(system, y, tip_loads(tip, moment=(0.0, factor, 0.0)), tolerance=1e-9)
     stations = np.linspace(0.0, length, 16 * 8 + 1)
     return stations, ChainPoints(system, sub_bodies, bodies, stations).positions(y), body_pose(system, y, tip)
 
@@ -540,8 +507,6 @@ def roll_up_case() -> CaseResult:
 
 
 # ---- the blade of the IEA 15-MW turbine -----------------------------------------------------------------------------
-# The blade of the IEA 15-MW turbine as one linear floating-frame body and as a chain of eight.
-#
 # The load is a thrust of 0.8 MN on the blade, a third of the rotor's near rated wind, growing linearly from the root
 # (root moment about 62 MN m: more outboard than in operation), with a tenth of it in the direction of rotation. It
 # bends the blade by 17 % of its length.

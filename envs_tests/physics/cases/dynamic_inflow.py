@@ -13,10 +13,11 @@ from scipy.special import hankel2, jv
 
 from envs_tests.physics.cases.airfoils import theodorsen
 from envs_tests.physics.cases.rotor import RigidRotor
+from envs_tests.physics.cases.tools import blade_element
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -25,14 +26,8 @@ if TYPE_CHECKING:
 
 
 # ---- steps on the lattice -------------------------------------------------------------------------------------------
-# Steps of wind and pitch on a rigid rotor: overshoot of the loads and the time constants of the wake.
-#
 # A wake takes several rotor radii of travel to follow a change of the rotor's thrust. Until then the rotor works in the
 # induction of before: its loads overshoot, and come back with two time constants.
-#
-# >>> from envs_tests.physics.cases.dynamic_inflow import five_megawatt_step                    # doctest: +SKIP
-# >>> run = five_megawatt_step(options, coupled=True)                                # any AeroOptions
-# >>> run.overshoot("thrust"), run.overshoot("rotor_speed"), run.fit("thrust")       # doctest: +SKIP
 
 INERTIA = 38_759_228.0 + 97.0**2 * 534.116
 """Of rotor and generator of the NREL 5-MW turbine about the slow shaft [kg m^2] (NREL/TP-500-38060)."""
@@ -46,12 +41,7 @@ WHOLE_FIELD = np.inf
 class Ramp:
     """A quantity that goes from one value to another, linearly, and back again if told so.
 
-    Attributes
-    ----------
-    start, duration : float
-        Of the ramp [s].
-    back : float
-        Time at which the way back begins [s]; never by default.
+    ``start``, ``duration`` of the ramp [s]; ``back``: time at which the way back begins [s]; never by default.
     """
 
     before: float
@@ -72,12 +62,8 @@ class Ramp:
 class VaryingWind:
     """Uniform wind along x that varies in time.
 
-    Attributes
-    ----------
-    speed : callable
-        Speed [m/s] at a time [s].
-    carried : float
-        Speed with which changes are carried downstream from x = 0 [m/s]; infinite: everywhere at once.
+    ``speed``: speed [m/s] at a time [s]; ``carried``: speed with which changes are carried downstream from x = 0 [m/s];
+    infinite: everywhere at once.
     """
 
     speed: Callable[..., Any]
@@ -94,14 +80,9 @@ class VaryingWind:
 class Overshoot:
     """What a quantity did after a step.
 
-    Attributes
-    ----------
-    before, extreme, settled : float
-        Steady before the step, the value furthest beyond the settled one, and the end of the run.
-    recovery : float
-        Time from the extreme until the quantity stays within a tenth of the overshoot [s].
-    mean_time : float
-        Area of the overshoot from the extreme on, by its height [s]: the time constant of one exponential.
+    ``before``, ``extreme``, ``settled``: steady before the step, the value furthest beyond the settled one, and the end
+    of the run; ``recovery``: time from the extreme until the quantity stays within a tenth of the overshoot [s];
+    ``mean_time``: area of the overshoot from the extreme on, by its height [s]: the time constant of one exponential.
     """
 
     before: float
@@ -120,12 +101,7 @@ class Overshoot:
 class TwoExponentials:
     """y = settled + fast exp(-t / fast_time) + slow exp(-t / slow_time), fitted from the extreme on.
 
-    Attributes
-    ----------
-    fast_time, slow_time : float
-        [s].
-    residual : float
-        Root mean square of the misfit by the size of the transient.
+    ``fast_time``, ``slow_time`` [s]; ``residual``: root mean square of the misfit by the size of the transient.
     """
 
     settled: float
@@ -140,20 +116,10 @@ class TwoExponentials:
 class Response:
     """Signals of a run; time 0 is the step, times before it belong to the settled start.
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        [s].
-    wind, pitch, rotor_speed : ndarray, shape (n,)
-        [m/s], [rad], [rad/s].
-    thrust, torque : ndarray, shape (n,)
-        Of the air on the rotor [N], [N m].
-    flap : ndarray, shape (n,)
-        Mean moment of the blades out of the plane at the root, or at ``flap_radius`` [N m].
-    radius : ndarray, shape (n_edge,)
-        Distance of the span edges of the blades from the axis [m]; empty without a lattice.
-    axial : ndarray, shape (n, n_edge)
-        Axial force on the nodes at the span edges, of all blades [N].
+    ``time`` (n,) [s]; ``wind``, ``pitch``, ``rotor_speed`` (n,) [m/s], [rad], [rad/s]; ``thrust``, ``torque`` (n,) of
+    the air on the rotor [N], [N m]; ``flap`` (n,): mean moment of the blades out of the plane at the root, or at
+    ``flap_radius`` [N m]; ``radius`` (n_edge,): distance of the span edges of the blades from the axis [m]; empty
+    without a lattice; ``axial`` (n, n_edge): axial force on the nodes at the span edges, of all blades [N].
     """
 
     time: np.ndarray
@@ -235,25 +201,13 @@ def respond(
 ) -> Response:
     """Let a rotor settle, then answer to what wind and pitch do from time 0 on.
 
-    Parameters
-    ----------
-    options : AeroOptions
-        The time step turns the rotor by ``azimuth_step_deg`` at ``rotor_speed``.
-    wind, pitch : callable or float
-        Wind speed [m/s] and pitch [rad] at a time [s], for example a `Ramp`; constant before time 0.
-    rotor_speed : float
-        At the start [rad/s].
-    duration, settling : float
-        Time after and before the step [s].
-    acceleration : callable, optional
-        As for `RigidRotor.march`, but from time 0 on: ``acceleration(torque, rotor_speed, settled_torque)`` with the
-        mean torque of the last turn before the step, which a generator law in balance needs.
-    carried : float
-        Speed with which a change of the wind is carried downstream [m/s].
-    flap_radius : float
-        Distance from the axis at which the flap moment is taken [m].
-    dt : float, optional
-        Time step [s] instead of that of the options.
+    ``options``: the time step turns the rotor by ``azimuth_step_deg`` at ``rotor_speed``; ``wind``, ``pitch``: wind
+    speed [m/s] and pitch [rad] at a time [s], for example a `Ramp`; constant before time 0; ``rotor_speed`` at the
+    start [rad/s]; ``duration``, ``settling``: time after and before the step [s]; ``acceleration`` as for
+    `RigidRotor.march`, but from time 0 on: ``acceleration(torque, rotor_speed, settled_torque)`` with the mean torque
+    of the last turn before the step, which a generator law in balance needs; ``carried``: speed with which a change of
+    the wind is carried downstream [m/s]; ``flap_radius``: distance from the axis at which the flap moment is taken [m];
+    ``dt``: time step [s] instead of that of the options.
     """
     wind, pitch = (x if callable(x) else (lambda time, x=x: x + 0.0 * time) for x in (wind, pitch))
     dt = dt or np.radians(options.azimuth_step_deg) / rotor_speed
@@ -297,17 +251,9 @@ def five_megawatt_step(
 ) -> Response:
     """Rigid NREL 5-MW rotor after a step of wind or pitch.
 
-    Parameters
-    ----------
-    wind, pitch : callable or float
-        [m/s], [rad].
-    coupled : bool
-        From the step on, let the rotor turn with its inertia against a torque that grows with the square of its speed,
-        in balance before; otherwise at constant speed.
-    rotor_speed : float
-        Before the step [rad/s].
-    **settings
-        Further arguments of `respond`.
+    ``wind``, ``pitch`` [m/s], [rad]; ``coupled`` from the step on, let the rotor turn with its inertia against a torque
+    that grows with the square of its speed, in balance before; otherwise at constant speed; ``rotor_speed`` before the
+    step [rad/s]; ``options``: further arguments of `respond`.
     """
 
     def acceleration(torque, speed, settled):
@@ -331,23 +277,19 @@ def long_wake(
 
 
 # ---- blade elements with memory -------------------------------------------------------------------------------------
-# Blade-element theory with memory: Øye's filter for the wake and Loewy's function for the sections.
-#
-# An engineering model that shares nothing with the lattice but the polars, to compare the lattice's memory with. The
-# induced velocity of momentum theory, W_qs, passes two first-order filters (Øye 1991; the form of AeroDyn's DBEMT),
+# An engineering model that shares nothing with the lattice but the polars. The induced velocity of momentum theory,
+# W_qs, passes two first-order filters with the mean induction a of the rotor (Øye 1991; the form of AeroDyn's DBEMT),
 #
 #     W_int + τ1 W_int' = W_qs + k τ1 W_qs',   W + τ2 W' = W_int,   k = 0.6,
-#     τ1 = 1.1 R / (V (1 − 1.3 min(a, ½))),    τ2 = (0.39 − 0.26 (r/R)²) τ1,
+#     τ1 = 1.1 R / (V (1 − 1.3 min(a, ½))),    τ2 = (0.39 − 0.26 (r/R)²) τ1.
 #
-# with the mean induction a of the rotor. A gust that a whole section feels at once acts like a plunging motion: its
-# lift is that of steady flow times C(k) + ik/2, the circulatory part and the apparent mass (Theodorsen 1935). Behind a
-# rotor the vortices that the blades before have shed lie in layers under the section; if all blades do the same, C
-# becomes
+# The lift in a gust that a whole section feels at once is that of steady flow times C(k) + ik/2, circulatory part and
+# apparent mass (Theodorsen 1935). Over the vortices that the blades before have shed in layers, C becomes
 #
 #     C' = [H₁ + 2 J₁ W] / [H₁ + i H₀ + 2 (J₁ + i J₀) W],   W = 1 / (e^{kh + iωT} − 1),
 #
 # H the Hankel functions of the second kind, T the time from blade to blade and h the distance of two layers in
-# semi-chords (Loewy 1957, J. Aeronaut. Sci. 24:81). Near the passing frequency of the blades the layers add up.
+# semi-chords (Loewy 1957, J. Aeronaut. Sci. 24:81).
 
 FAST_SHARE = 0.6
 """Øye's k: the part of a change that only the faster filter delays."""
@@ -359,22 +301,11 @@ def oye_times(induction: float, radius: float, wind: float, ratio: ArrayLike) ->
     return slow, (0.39 - 0.26 * np.asarray(ratio) ** 2) * slow
 
 
-def oye_filter(omega: Any, slow: Any, fast: Any) -> Any:
-    """Complex response of Øye's filter at the circular frequency ``omega`` [rad/s]."""
-    return (1.0 + FAST_SHARE * slow * 1j * omega) / ((1.0 + slow * 1j * omega) * (1.0 + fast * 1j * omega))
-
-
 def loewy(k: Any, spacing: Any, lag: float) -> Any:
     """Lift-deficiency function C' of a blade over the layers that it and the others have shed.
 
-    Parameters
-    ----------
-    k : array_like
-        Reduced frequency.
-    spacing : array_like
-        Distance of two layers [semi-chords].
-    lag : float
-        Phase ωT by which the layers differ [rad].
+    ``k``: reduced frequency; ``spacing``: distance of two layers [semi-chords]; ``lag``: phase ωT by which the layers
+    differ [rad].
     """
     layers = 1.0 / (np.exp(k * np.asarray(spacing) + 1j * lag) - 1.0)
     above = hankel2(1, k) + 2.0 * jv(1, k) * layers
@@ -385,16 +316,9 @@ def loewy(k: Any, spacing: Any, lag: float) -> Any:
 class GustResponse:
     """Thrust by the amplitude of a uniform gust [N s/m], complex, at one frequency.
 
-    Attributes
-    ----------
-    full : complex
-        With Øye's filter and Loewy's function.
-    single : complex
-        With Øye's filter and Theodorsen's function: without the layers of other blades and turns.
-    wake : complex
-        With Øye's filter; sections answer at once.
-    frozen, equilibrium : float
-        Sections answer at once; the induced velocity stays, or follows at once.
+    ``full`` with Øye's filter and Loewy's function; ``single`` with Øye's filter and Theodorsen's function: without the
+    layers of other blades and turns; ``wake`` with Øye's filter; sections answer at once; ``frozen``, ``equilibrium``:
+    sections answer at once; the induced velocity stays, or follows at once.
     """
 
     full: complex
@@ -407,10 +331,7 @@ class GustResponse:
 class DynamicRotor:
     """A rotor of blade elements whose induced velocity follows with a delay.
 
-    Parameters
-    ----------
-    n_span : int
-        Sections, of equal length.
+    ``n_span``: sections, of equal length.
     """
 
     def __init__(self, rotor: BladeElementRotor, n_span: int = 40):
@@ -454,14 +375,8 @@ class DynamicRotor:
     ) -> GustResponse:
         """Linear response to a small sinusoidal change of the wind everywhere at once.
 
-        Parameters
-        ----------
-        frequency : float
-            [Hz].
-        wind, speed, pitch : float
-            Mean state [m/s], [rad/s], [rad].
-        gust : float
-            Step of the derivatives [m/s].
+        ``frequency`` [Hz]; ``wind``, ``speed``, ``pitch``: mean state [m/s], [rad/s], [rad]; ``gust``: step of the
+        derivatives [m/s].
         """
         omega = 2.0 * np.pi * frequency
         induced = self.equilibrium(wind, speed, pitch)
@@ -476,7 +391,8 @@ class DynamicRotor:
         by_wind = derivative(self.cos_cone, 0.0)
         by_wake = derivative(-slope[0], slope[1])
         a = self.mean_induction(induced, wind)
-        wake = oye_filter(omega, *oye_times(a, self.rotor.radius, wind, self.radius / self.rotor.radius))
+        slow, fast = oye_times(a, self.rotor.radius, wind, self.radius / self.rotor.radius)
+        wake = (1.0 + FAST_SHARE * slow * 1j * omega) / ((1.0 + slow * 1j * omega) * (1.0 + fast * 1j * omega))
         k = 0.5 * omega * self.chord / np.hypot(axial, turning)
         passing = 2.0 * np.pi / (self.rotor.n_blades * speed)
         layered = loewy(k, axial * passing / (0.5 * self.chord), omega * passing)

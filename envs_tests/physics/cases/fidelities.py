@@ -73,17 +73,10 @@ class StaleRecordError(LookupError):
 class Experiment:
     """One wind and one control.
 
-    Attributes
-    ----------
-    wind : float
-        Mean at hub height [m/s].
-    seed : int or None
-        Of the turbulence; None: steady and uniform.
-    gain : float or None
-        Torque is this times the published gain times the square of the generator speed, at any speed, and the pitch
-        stays 0; None: the baseline controller.
-    duration, skip : float
-        Of the run, and of its beginning that is left out: the wake of the start is then gone [s].
+    ``wind``: mean at hub height [m/s]; ``seed`` of the turbulence; None: steady and uniform; ``gain``: torque is this
+    times the published gain times the square of the generator speed, at any speed, and the pitch stays 0; None: the
+    baseline controller; ``duration``, ``skip`` of the run, and of its beginning that is left out: the wake of the start
+    is then gone [s].
     """
 
     name: str
@@ -116,15 +109,8 @@ EXPERIMENTS = {
 def conduct(experiment: Experiment, choice: str | Fidelity, save_to: Path | None = None) -> dict[str, float]:
     """Run an experiment and average it.
 
-    Parameters
-    ----------
-    save_to : path, optional
-        File (NetCDF) for all signals.
-
-    Returns
-    -------
-    dict of str to float
-        `QUANTITIES`. Damage-equivalent loads at 1 Hz have the exponents 10 (mean of the blade roots) and 4 (tower).
+    ``save_to``: file (NetCDF) for all signals. Returns dict of `QUANTITIES`. Damage-equivalent loads at 1 Hz have the
+    exponents 10 (mean of the blade roots) and 4 (tower).
     """
     from wt_gym.control.controllers.discon import BaselineParameters
     from wt_gym.experiment.run import run_baseline
@@ -135,8 +121,8 @@ def conduct(experiment: Experiment, choice: str | Fidelity, save_to: Path | None
     if experiment.gain is not None:
         law = BaselineParameters.from_turbine(turbine)
         radius = 0.5 * turbine.rotor_diameter
-        start = {"parameters": constant_gain(law, experiment.gain),
-                 "rotor_speed": GAINS[experiment.gain] * experiment.wind / radius}  # fmt: skip
+        speed = GAINS[experiment.gain] * experiment.wind / radius
+        start = {"parameters": constant_gain(law, experiment.gain), "start": {"rotor_speed": speed}}
     run = run_baseline(simulator, experiment.duration, CONTROL_DT, **start).to_dataset()
     if save_to is not None:
         run.to_netcdf(save_to, engine="h5netcdf")
@@ -207,10 +193,7 @@ def read_records() -> dict[tuple[str, str], dict[str, str]]:
 def recorded(name: str, which: str = "reference") -> dict[str, float]:
     """Means of an experiment from the table.
 
-    Raises
-    ------
-    StaleRecordError
-        If there is none, or it was made with something else than what is there now.
+    Raises `StaleRecordError` if there is none, or it was made with something else than what is there now.
     """
     row = read_records().get((name, which))
     if row is not None and row["stamp"] == stamp(EXPERIMENTS[name], RECORDED[which]):
@@ -264,8 +247,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 # ---- comparison -----------------------------------------------------------------------------------------------------
-# What the cheap fidelities cost in accuracy: the coupled turbine at each of them against fidelity "reference".
-#
 # The reference comes from the table. Runs last until the wake of the start has left
 # every fidelity, and 320 s more in turbulence.
 

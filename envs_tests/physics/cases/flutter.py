@@ -20,7 +20,7 @@ from envs_tests.physics.cases.airfoils import (
 )
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.aerodynamics import AeroOptions, VortexLattice
-from wt_gym.control.operating_point import rotor_inertia
+from wt_gym.control.design import rotor_inertia
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.system import Joint, MultibodySystem
@@ -35,8 +35,6 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 # ---- linear lattice in the frequency domain -------------------------------------------------------------------------
-# A flat oscillating half wing as a linear vortex lattice in the frequency domain: an independent reference.
-#
 # Nothing is shared with the lattice of the package: double precision, vortices without core, the wake summed as a
 # geometric series of its rows, and Kutta-Joukowski loads with the vorticity of the last quarter panel taken into
 # account. The wing lies in the plane x = 0, chord along y, span along z from the plane of symmetry z = 0.
@@ -53,14 +51,8 @@ def _segment(start, end, points):
 class LinearLattice:
     """Half wing of constant chord with panels of even size and a time step of one panel.
 
-    Parameters
-    ----------
-    chord, axis : float
-        Chord [m] and distance from the leading edge to the axis y = 0 of twist, in chords.
-    edges : ndarray, shape (n_span + 1,)
-        Span edges, from 0 [m].
-    wake_chords : float
-        Length of the wake.
+    ``chord``, ``axis``: chord [m] and distance from the leading edge to the axis y = 0 of twist, in chords; ``edges``
+    (n_span + 1,): span edges, from 0 [m]; ``wake_chords``: length of the wake.
     """
 
     def __init__(self, chord: float, axis: float, edges, n_chord: int, wake_chords: float):
@@ -88,12 +80,8 @@ class LinearLattice:
     def modal_forces(self, heave, twist, omega: float, speed: float, density: float) -> np.ndarray:
         """Generalized forces (n_mode, n_mode) of the air for harmonic unit modes.
 
-        Parameters
-        ----------
-        heave, twist : ndarray, shape (n_span, n_mode)
-            Displacement along x of the axis and nose-up rotation of the strips.
-        omega, speed, density : float
-            [rad/s], [m/s], [kg/m³].
+        ``heave``, ``twist`` (n_span, n_mode): displacement along x of the axis and nose-up rotation of the strips;
+        ``omega``, ``speed``, ``density`` [rad/s], [m/s], [kg/m³].
         """
         n_span, n_chord = len(self.middle), len(self.vortex)
         step = self.panel / speed
@@ -116,15 +104,8 @@ class LinearLattice:
     def flutter(self, heave, twist, frequency, density: float, guess) -> tuple[float, float]:
         """Flutter speed [m/s] and frequency [rad/s] of mass-normalized modes.
 
-        Parameters
-        ----------
-        heave, twist : ndarray, shape (n_span, n_mode)
-        frequency : ndarray, shape (n_mode,)
-            Of the modes in vacuum [rad/s].
-        density : float
-            [kg/m³].
-        guess : tuple of float
-            Speed and frequency to start from.
+        ``heave``, ``twist`` (n_span, n_mode); ``frequency`` (n_mode,) of the modes in vacuum [rad/s]; ``density``
+        [kg/m³]; ``guess``: speed and frequency to start from.
         """
 
         def determinant(unknown):
@@ -138,8 +119,6 @@ class LinearLattice:
 
 
 # ---- Goland's wing --------------------------------------------------------------------------------------------------
-# Flutter of Goland's wing: the beam and the multibody system coupled with the vortex lattice.
-#
 # A uniform cantilever, clamped at its root in the plane of symmetry, in a steady stream without incidence. Data:
 # Goland, J. Appl. Mech. 12 (1945) A197, in SI units as in the later literature: half span 6.096 m (20 ft), chord 1.8288
 # m (6 ft), 35.71 kg/m (0.746 slug/ft), elastic axis at 33 % and mass center at 43 % of the chord, EI = 9.77e6 N m², GJ
@@ -237,12 +216,7 @@ class Resolution:
 class GolandWing:
     """The wing as a flexible body in a stream of one speed, mirrored in the plane of symmetry.
 
-    Parameters
-    ----------
-    speed : float
-        [m/s].
-    resolution : Resolution
-        A time step is the time in which the stream passes one panel.
+    ``speed`` [m/s]; ``resolution``: a time step is the time in which the stream passes one panel.
     """
 
     TOLERANCE, MOST_ITERATIONS = 1e-6, 8
@@ -370,10 +344,7 @@ def growth(speed: float, resolution: Resolution) -> complex:
 def flutter_point(resolution: Resolution, low: float = 150.0, high: float = 180.0, tolerance: float = 0.1):
     """Speed [m/s] without growth by regula falsi (Illinois), frequency there [rad/s] and all points that were marched.
 
-    Raises
-    ------
-    ValueError
-        If the wing is not stable at ``low`` or not unstable at ``high``.
+    Raises `ValueError` if the wing is not stable at ``low`` or not unstable at ``high``.
     """
     points = {v: growth(v, resolution) for v in (low, high)}
     left, right = points[low].real, points[high].real
@@ -470,31 +441,23 @@ def goland_flutter() -> CaseResult:
     )
     notes = (
         f"No growth at {found}; the checked values are extrapolated from 4 and 8 panels along the chord (second "
-        "order, see theodorsen-convergence). The converged potential flow "
-        f"flutters at about {linear_flutter(8, 32)[0]:.0f} m/s, beyond 165 ± 4 m/s; time marching and the linear "
-        "frequency-domain lattice agree on it, though their aerodynamics share no code. Even lattices that run up to "
-        "the tips act as a wing that is longer by a quarter strip at each tip and flutter earlier: "
+        f"order). The converged potential flow flutters at about {linear_flutter(8, 32)[0]:.0f} m/s, beyond 165 ± 4 "
+        "m/s. Even lattices up to the tips act as a wing longer by a quarter strip at each tip and flutter earlier: "
         f"{to_tip[2]:.1f}, {to_tip[3]:.1f}, {to_tip[4]:.1f}, {to_tip[6]:.1f} m/s with 8, 12, 16, 32 strips (linear). "
-        "So 165 m/s is the value of a coarse lattice. Halving a wake of 20 chords changes 0.05 m/s, two more modes "
-        "0.01 m/s."
+        "Halving a wake of 20 chords changes 0.05 m/s, two more modes 0.01 m/s."
     )
     return CaseResult(checks, figures, notes)
 
 
 # ---- rotors in overspeed --------------------------------------------------------------------------------------------
-# Classical flutter of rotors in overspeed: how small motions of turning blades grow or die on the lattice.
-#
-# The rotor is held at a speed, on a rigid tower and shaft, in a wind of the same tip-speed ratio at all speeds and
-# pitched so that the air hardly bends the blades. Two runs that differ by a short kick of all pitch angles give a
-# difference that obeys the linear equations about the motion of the rotor, gravity, tilt and shed wake included. What
-# is left of it once the kick's own response has died is the least damped mode of the blades. The same marching and the
-# same reading of the modes find the flutter of a clamped wing (case ``goland-flutter``).
+# The rotor is held at a speed, on a rigid tower and shaft, in a wind of one tip-speed ratio, pitched so that the air
+# hardly bends the blades. The difference of two runs, one with a short kick of all pitch angles, obeys the linear
+# equations about the motion of the rotor; what is left of it after the kick's own response is the least damped mode.
 #
 # Beside it stands an independent calculation for one clamped, untwisted blade in still air: four flapwise and two
-# torsional modes with the section tables of the same files, strips with Jones's two-lag lift of slope 2 pi,
-# centrifugal, propeller and center-of-mass terms; it gives Goland's wing its published 137 m/s. A lattice should come
-# out later, since the lift of its tips falls off. The critical speeds that are quoted for the NREL 5-MW, 24 to 25 rpm,
-# could not be traced to printed tables.
+# torsional modes of the same section tables, strips with Jones's two-lag lift of slope 2 pi, centrifugal, propeller and
+# center-of-mass terms; it gives Goland's wing its published 137 m/s. The critical speeds that are quoted for the NREL
+# 5-MW, 24 to 25 rpm, could not be traced to printed tables.
 
 ROTOR_SPEEDS = {"nrel_5mw": (18.0, 19.5, 20.5, 21.5), "iea_15mw": (10.0, 11.5, 12.5)}
 """Rotor speeds [rpm]. Further below flutter the motion dies so fast that its least damped part cannot be told from what
@@ -540,20 +503,15 @@ class HeldSpeed(TorqueCommand):
         """Keep the torque of the start."""
 
 
-def kicked_motion(turbine, rotor_speed, fidelity=RIGID_TOWER):
+def kicked_motion(turbine, rotor_speed):
     """Motion that a kick of the pitch leaves, at a rotor speed [rad/s].
 
-    Returns
-    -------
-    time : ndarray, shape (n,)
-        Since the end of the kick [s].
-    motion : ndarray, shape (n, 2)
-        What the kick changes in the torsional and the flapwise moment at the root of the first blade, over the
-        largest change of each [-].
+    Returns ``time`` (n,): since the end of the kick [s]; ``motion`` (n, 2): what the kick changes in the torsional and
+    the flapwise moment at the root of the first blade, over the largest change of each [-].
     """
     wind = rotor_speed * turbine.rotor_diameter / 2.0 / TIP_SPEED_RATIO
     machine = HeldSpeed(turbine.drivetrain, HOLDING * rotor_inertia(turbine))
-    simulator = Simulator(turbine, SteadyInflow(wind), fidelity, generator=machine)
+    simulator = Simulator(turbine, SteadyInflow(wind), RIGID_TOWER, generator=machine)
     pitch = unloaded_pitch(simulator, rotor_speed)
     kicked, plain = (_moments(simulator, rotor_speed, pitch, kick) for kick in (KICK, 0.0))
     motion = kicked - plain

@@ -24,8 +24,6 @@ from wt_gym.turbine_records import RECORDS
 from wt_gym.wind.steady import SteadyInflow
 
 # ---- joints against multipliers -------------------------------------------------------------------------------------
-# Blades on joints against blades held by Lagrange multipliers: the same turbine twice.
-#
 # The NREL 5-MW turns under the air loads of one instant of a simulation at 11 m/s, which the blades carry in their own
 # frames, while its pitch and yaw drives follow moving commands. The generator holds the rotor near its speed by a
 # torque that rises with it (slip).
@@ -264,8 +262,6 @@ def gain() -> CaseResult:
 
 
 # ---- coupled turbines -----------------------------------------------------------------------------------------------
-# Every formulation, integrator and set of coordinates as the coupled turbine of an environment.
-#
 # Each combination runs an episode in turbulence under the baseline controller, random actions, and a snapshot; what it
 # costs and how far it is from the default of the same turbine is a table (docs/formulations.md). Nodal blades are also
 # compared with modal ones, both with torsion: deflection in steady wind and frequencies at rest.
@@ -302,14 +298,9 @@ WINDS = {"NREL5MW": 10.0, "IEA15MW": 10.0, "Gebhardt45m": 10.0, "NadaSmall": 8.0
 class Combination:
     """What differs from the training fidelity of a turbine.
 
-    Attributes
-    ----------
-    turbine : str
-        As in the ids of the environments.
-    like : bool
-        Whether the same turbine is described with the same shapes, so that power and loads have to be nearly the same.
-    ending : str, optional
-        How its episode has to end, where the formulation leaves out what this rotor stands by.
+    ``turbine`` as in the ids of the environments; ``like``: whether the same turbine is described with the same shapes,
+    so that power and loads have to be nearly the same; ``ending``: how its episode has to end, where the formulation
+    leaves out what this rotor stands by.
     """
 
     turbine: str
@@ -381,12 +372,9 @@ tips are 4 % farther out than those of twelve, be they modal or nodal."""
 def measure(combination):
     """An episode, random actions and a snapshot of a combination.
 
-    Returns
-    -------
-    dict
-        "power" [kW], "flap_DEL" [MN m], "tip" mean of blade 1 [m], "ms" of processor time per control step,
-        "frequencies" [Hz] of the parked turbine, lowest first (None without them), "repeats" whether the
-        snapshot goes on bit for bit, "failure" of an episode or None.
+    Returns dict of "power" [kW], "flap_DEL" [MN m], "tip" mean of blade 1 [m], "ms" of processor time per control step,
+    "frequencies" [Hz] of the parked turbine, lowest first (None without them), "repeats" whether the snapshot goes on
+    bit for bit, "failure" of an episode or None.
     """
     times = combination.times
     env = gym.make(
@@ -441,10 +429,8 @@ def parked_frequencies(turbine, fidelity, step=1e-5):
     From the derivatives of its forces, not of its accelerations: those of short bodies and of nodes exceed those of the
     bent blade so far that differences show nothing of these.
 
-    Returns
-    -------
-    array (LOWEST,) or None
-        Ascending; None with constraint equations, and for observer frames that no coordinates of the tree describe.
+    Returns (LOWEST,): ascending; None with constraint equations, and for observer frames that no coordinates of the
+    tree describe.
     """
     structure = assemble(turbine, fidelity).structure
     system = structure.system

@@ -20,32 +20,19 @@ from wt_gym.wind import SteadyInflow
 def boundary_layer(wind_speed, reference_height=None):
     """Land-surface boundary layer over rural ground, power law with the exponent of open country.
 
-    Parameters
-    ----------
-    wind_speed : float
-        Reference value [m/s].
-    reference_height : float, optional
-        Where the wind has this speed [m]; by default the gradient height.
+    ``wind_speed``: reference value [m/s]; ``reference_height`` where the wind has this speed [m]; by default the
+    gradient height.
     """
     profile = gebhardt_data()["inferred"]["wind_profile"]
     return SteadyInflow(wind_speed, reference_height or profile["reference_height_m"], profile["exponent"])
 
 
 # ---- results --------------------------------------------------------------------------------------------------------
-# The results of Gebhardt, Preidikman, Jørgensen & Massa 2012, figure by figure and statement by statement.
-#
-# The turbine starts from rest at a fixed pitch in a land-surface boundary layer, over flat ground (images) and with the
-# tower in the flow, and loads a generator that is a linear damper. The pitch, which the paper does not give, is found
-# once: at 15 m/s the rotor must turn at 7.4 rpm, which makes the published 1.2 MW. The case at 20 m/s is then
-# predicted.
-#
-# The paper does not say at which height the wind has its reference value. Both readings are run: at the gradient height
-# of the profile (275 m, so that 12.1 and 16.1 m/s blow at the hub), and at the hub.
-#
-# The generator's torque acts on the hub, whose inertia (2.5e4 kg m²) is small against the blades'. A damper that is
-# held over an aerodynamic step Δt multiplies deviations of the hub's speed by k Δt/I ≈ 10 and drives the collective
-# edgewise motion unstable. It is therefore what it is called, a damper in the azimuth joint, which acts at every stage
-# of the integration.
+# The turbine starts from rest at a fixed pitch in a land-surface boundary layer, with ground and tower in the flow. Its
+# generator is a linear damper in the azimuth joint: held over an aerodynamic step Δt, it would multiply deviations of
+# the light hub's speed by k Δt/I ≈ 10. The paper gives neither the pitch, which is found from the 7.4 rpm at 15 m/s, so
+# that 20 m/s is predicted, nor the height of the reference wind: the gradient height of the profile (275 m, so that
+# 12.1 and 16.1 m/s blow at the hub) and the hub are both run.
 
 GEBHARDT = "Gebhardt, Preidikman, Jørgensen & Massa 2012, Int. J. Hydrogen Energy 37, 14719–14724"
 RPM = np.pi / 30.0
@@ -60,18 +47,10 @@ LATTICE = FIDELITIES["gebhardt-full"].aero
 class Run:
     """A simulated start: series over the aerodynamic steps.
 
-    Attributes
-    ----------
-    turns : array (n,)
-        Revolutions since the start.
-    speed : array (n,)
-        Rotor speed [rad/s].
-    thrust : array (n,)
-        Force of the air along the shaft [N].
-    fore_aft, side_side : array (n,)
-        Displacement of the tower top, downwind and to the left looking downwind [m].
-    flap, edge : array (n, n_blades)
-        Elastic displacement of the tips in blade axes, to the suction side and to the trailing edge [m].
+    ``turns`` (n,): revolutions since the start; ``speed`` (n,): rotor speed [rad/s]; ``thrust`` (n,): force of the air
+    along the shaft [N]; ``fore_aft``, ``side_side`` (n,): displacement of the tower top, downwind and to the left
+    looking downwind [m]; ``flap``, ``edge`` (n, n_blades): elastic displacement of the tips in blade axes, to the
+    suction side and to the trailing edge [m].
     """
 
     turns: np.ndarray
@@ -114,25 +93,12 @@ def make_simulator(
 ):  # fmt: skip
     """Simulator of the stand-in turbine with its generator.
 
-    Parameters
-    ----------
-    wind : float
-        Reference wind [m/s].
-    rpm : float
-        Expected rotor speed, for the length of the aerodynamic step [rpm].
-    reference_height : float, optional
-        Where the wind has its reference value [m]; by default the gradient height.
-    formulation : {"constrained", "embedded"}
-    viscous : bool
-        Correct the lattice by the airfoil polars.
-    gravity : bool
-        Weight of all bodies (only the embedded form can do without).
-    tower : float
-        Factor on the bending stiffness of the tower.
-    fidelity : str
-        "gebhardt", or "gebhardt-full" with tower and nacelle as bodies that move.
-    forward : float, optional
-        Distance of the nacelle's center of mass upwind of the tower [m].
+    ``wind``: reference wind [m/s]; ``rpm``: expected rotor speed, for the length of the aerodynamic step [rpm];
+    ``reference_height`` where the wind has its reference value [m]; by default the gradient height; ``formulation``:
+    "constrained" or "embedded"; ``viscous``: correct the lattice by the airfoil polars; ``gravity``: weight of all
+    bodies (only the embedded form can do without); ``tower``: factor on the bending stiffness of the tower;
+    ``fidelity``: "gebhardt", or "gebhardt-full" with tower and nacelle as bodies that move; ``forward``: distance of
+    the nacelle's center of mass upwind of the tower [m].
     """
     fidelity = replace(
         FIDELITIES[fidelity],
@@ -183,10 +149,7 @@ def calibrate(
 ):
     """Pitch [rad] at which the rotor turns at the published speed in 15 m/s, by the secant method on coupled runs.
 
-    Raises
-    ------
-    ArithmeticError
-        When no pitch is found.
+    Raises `ArithmeticError` when no pitch is found.
     """
     target = published(15.0)[0]
     simulator = make_simulator(15.0, target, reference_height, "embedded", viscous, lattice=lattice, fidelity=fidelity)
@@ -207,11 +170,12 @@ def calibrate(
 
 
 @cache
-def solved(reference_height=None, lattice=LATTICE, fidelity="gebhardt", tower=1.0):
+def solved(reference_height=None, fidelity="gebhardt"):
     """Calibrated pitch [rad] and the runs at 15 and 20 m/s."""
-    pitch = calibrate(reference_height, lattice=lattice, fidelity=fidelity)
-    choice = {"tower": tower, "lattice": lattice, "fidelity": fidelity}
-    runs = [simulate(make_simulator(v, published(v)[0], reference_height, **choice), pitch) for v in (15.0, 20.0)]
+    pitch = calibrate(reference_height, fidelity=fidelity)
+    runs = [
+        simulate(make_simulator(v, published(v)[0], reference_height, fidelity=fidelity), pitch) for v in (15.0, 20.0)
+    ]
     return pitch, *runs
 
 
@@ -601,8 +565,6 @@ def with_polars():
 
 
 # ---- everything at once ---------------------------------------------------------------------------------------------
-# Everything of Gebhardt, Preidikman, Jørgensen & Massa 2012 at once: the fidelity "gebhardt-full".
-#
 # Free blades with quaternions held by multipliers, 22 nodes a blade, wakes from trailing edges and tips, tower and
 # nacelle as closed bodies that move with the structure and load the tower, the ground; in the paper's two winds. The
 # same statements are asked of it as of the leaner configuration.
@@ -615,7 +577,7 @@ PITCHES = (-5.0, 0.0, 3.0, 6.0, 9.0, 12.5)
 @case("gebhardt-2012-full", "45 m / 68 m turbine, everything together: Figures 1–10", GEBHARDT, slow=True)
 def everything() -> CaseResult:
     """Reference wind at the gradient height, all parts of the model at once."""
-    pitch, low, high = solved(None, LATTICE, FULL)
+    pitch, low, high = solved(None, FULL)
     rpm = published(15.0)[0]
     floating = make_simulator(15.0, rpm, None, "embedded", gravity=False, fidelity=FULL)
     weightless = simulate(floating, pitch, 5.0, rpm * RPM)
@@ -666,7 +628,8 @@ def deformed_basis() -> CaseResult:
         checks.append(Check(f"{name}: largest difference over its largest value", "<= 0.005", difference))
         lines.append(f"{name}: largest {np.abs(a).max():.4g} {unit}, difference {np.abs(a - b).max():.2g} {unit}")
     names = fixed.structure.system.bodies[fixed.structure.blades[0]].coordinate_names
-    rest = rest_frequencies(fixed)
+    beam, basis = fixed.structure.blade_field
+    rest = np.sqrt(np.diag(basis.T @ beam.stiffness @ basis)) / (2.0 * np.pi)
     for name, f, g, h in zip(names, rest, frequencies_in(fixed), moving.coupling.basis.frequency, strict=True):
         checks.append(
             Check(f"{name}: frequency in the fixed basis over that in the deformed state", "in [0.99, 1.01]", g / h)
@@ -681,12 +644,6 @@ def deformed_basis() -> CaseResult:
         for series, label in ((rows, "modes at rest"), (others, "modes of the deformed blade"))
     ), "revolutions", "tip out of plane [m]")  # fmt: skip
     return CaseResult(checks, {"deflection of blade 1": shown}, "\n".join(lines))
-
-
-def rest_frequencies(simulator):
-    """Frequencies [Hz] of the modes of a blade at rest."""
-    beam, basis = simulator.structure.blade_field
-    return np.sqrt(np.diag(basis.T @ beam.stiffness @ basis)) / (2.0 * np.pi)
 
 
 def frequencies_in(simulator):

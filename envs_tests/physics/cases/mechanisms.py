@@ -19,7 +19,6 @@ from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.structure.flexible_body import FlexibleBody
 
 # ---- rigid-body benchmarks ------------------------------------------------------------------------------------------
-# Rigid-body benchmarks with exact solutions: pendulum, heavy top, spatial slider-crank.
 
 
 def trajectory(system, y, step, times):
@@ -165,7 +164,6 @@ def heavy_top_precession() -> CaseResult:
     "heavy-top-spherical",
     "Heavy top on a ball joint, horizontal start, spin 150 rad/s",
     "Géradin & Cardona 2001; Brüls & Cardona 2010, J. Comput. Nonlinear Dyn. 5; exact by Lagrange's integrals",
-    quick=False,
 )
 def heavy_top_spherical() -> CaseResult:
     """Mass 15 kg, center at 1 m, J = diag(0.234375, 0.46875, 0.234375) about it, Ω₀ = (0, 150, −4.61538) rad/s.
@@ -313,7 +311,6 @@ def spatial_slider_crank() -> CaseResult:
 
 
 # ---- time integrators -----------------------------------------------------------------------------------------------
-# Time integrators: stability limits, order of accuracy and energy behavior against exact values.
 
 GROWTHS = (1e-8, 1e-6)
 """Growths in a step above which a scheme counts as unstable: a published limit, whose growth is not told, must lie
@@ -339,24 +336,11 @@ def oscillator(stiffness=1.0, damping=0.0):
     return system.build()
 
 
-def _line_system(line):
-    """The system whose eigenvalue times h runs along a line of the table."""
-    return {0: oscillator(0.0, 1.0), 1: oscillator(), 2: oscillator(1.0, 0.02)}[line]
-
-
 def amplification(integrator, step):
     """Matrix that one step applies to everything the integrator carries, for a linear system without loads.
 
-    Parameters
-    ----------
-    integrator : any of the family
-    step : float
-        [s].
-
-    Returns
-    -------
-    array (n, n)
-        n = 9 n_state for the Hamming scheme (four states, four rates, error estimate), else 2 n_state + n_velocity.
+    ``step`` [s]. Returns (n, n): n = 9 n_state for the Hamming scheme (four states, four rates, error estimate), else 2
+    n_state + n_velocity.
     """
     integrator.step = step
     history = integrator.history
@@ -393,10 +377,6 @@ def stability_limit(radius, growth=1e-7, highest=3.0, width=0.04):
     return high
 
 
-def _eigenvalue(line, h):
-    return {0: -h, 1: 1j * h, 2: h * complex(-0.01, np.sqrt(1.0 - 1e-4))}[line]
-
-
 @case(
     "integrator-stability",
     "Stability limits of the modified Hamming scheme, spectral radius of the implicit schemes",
@@ -405,19 +385,21 @@ def _eigenvalue(line, h):
 def stability() -> CaseResult:
     """The table of limits; the default scheme of the simulator is the row of three corrector passes."""
     checks = []
+    systems = oscillator(0.0, 1.0), oscillator(), oscillator(1.0, 0.02)
+    eigenvalues = -1.0, 1j, complex(-0.01, np.sqrt(1.0 - 1e-4))
     for passes, final, *limits in HAMMING_TABLE:
         label = f"{'converged' if passes is None else passes} corrector pass(es), {'' if final else 'no '}final step"
         for line, expected in enumerate(limits):
             if final:
                 # a hundred passes stand for the converged corrector
-                integrator = make_integrator("hamming", _line_system(line), 1.0, n_corrections=passes or 100)
+                integrator = make_integrator("hamming", systems[line], 1.0, n_corrections=passes or 100)
 
                 def radius(h, i=integrator):
                     return spectral_radius(amplification(i, h))
             else:
 
                 def radius(h, k=line):
-                    return spectral_radius(hamming_matrix(_eigenvalue(k, h), None, False))
+                    return spectral_radius(hamming_matrix(h * eigenvalues[k], None, False))
 
             low, high = (stability_limit(radius, growth, width=0.04 if final else 0.01) for growth in GROWTHS)
             name = f"{label}: {LINES[line]}"
@@ -503,9 +485,8 @@ def order() -> CaseResult:
         curves.append(Curve(2.0 / np.array(counts), errors, label, "o-"))
     figure = Figure(tuple(curves), "step [s]", "error of the angle at 2 s [rad]", True, True)
     notes = (
-        "The first of the published starters, a trapezoidal step, leaves an error of order h³ that stays: a run from "
-        "its start converges with order 3. The corrector alone has order 4; with the final correction and a smooth "
-        "motion it is 5, from exact starting values as from three Runge–Kutta steps (starter='runge-kutta')."
+        "The first of the published starters, a trapezoidal step, leaves an error of order h³ that stays. The "
+        "corrector alone has order 4; with the final correction it is 5."
     )
     return CaseResult(checks, {"Convergence": figure}, notes)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from envs_tests.physics.cases.rotating_beams import EI, LENGTH, MASS
-from envs_tests.physics.cases.tools import upward_crossings
+from envs_tests.physics.cases.tools import crossing_frequency
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.experiment.run import run_baseline
@@ -26,14 +26,10 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 # ---- several frames a beam ------------------------------------------------------------------------------------------
-# Several local observer frames a beam: the geometric stiffness that one frame lacks comes back.
-#
-# Within a body the formulation of Holm-Jørgensen, Nielsen & Rubak is linear and knows no geometric stiffness (case
-# `observer-second-order` has what brings it), but the frames of a beam that is cut into bodies turn with it, and what
-# acts along them acts along the deformed beam. Of the second-order work ½ ∫ N (u')² ds of an axial force N only the
-# part ½ ∫ N (u' − ū')² ds is left out, ū' being the slope of the root of each body: a quarter with twice as many
-# bodies. Two beams show it in time, each released with the velocities of its first mode: a rotating blade, which
-# centrifugal tension stiffens, and a tower, which the weight on its top softens (P-Δ).
+# A body in one frame is linear and knows no geometric stiffness, but the frames of a beam that is cut into bodies turn
+# with it. Of the second-order work ½ ∫ N (u')² ds of an axial force N only ½ ∫ N (u' − ū')² ds is left out, ū' being
+# the slope of the root of each body: a quarter with twice as many bodies. Two beams show it, released with the
+# velocities of their first mode: a rotating blade, which tension stiffens, and a tower, which its top softens (P-Δ).
 
 PIECES = (1, 2, 4, 8)
 ELEMENTS, INTERIOR = 16, 3
@@ -94,7 +90,7 @@ def first_mode(system, speed=0.0, step=1e-5):
     return float(np.sqrt(value[lowest].real)), vector[:, lowest].real
 
 
-def period(what, n_sub_bodies, speed=0.0, periods=10, per_period=300, displacement="linear"):
+def period(what, n_sub_bodies, speed=0.0, displacement="linear"):
     """Circular frequency of a run in observer frames from the first mode's velocities: upward zero crossings."""
     system, beams, bodies = chain(what, n_sub_bodies, displacement == "linear")
     frequency, shape = first_mode(system, speed)
@@ -103,22 +99,20 @@ def period(what, n_sub_bodies, speed=0.0, periods=10, per_period=300, displaceme
     size = tip @ shape[: len(tip)] * n_sub_bodies**2
     y[system.n_q : 2 * system.n_q] = 1e-3 * frequency * LENGTH / size * shape
     motions = {"spin": lambda t: (speed * t, speed, 0.0)} if system.n_servo else None
-    step = 2.0 * np.pi / frequency / per_period
+    step = 2.0 * np.pi / frequency / 300
     observed = observer_frame_from_system(system, beams, y, motions=motions, displacement=displacement)
     run = ObserverFrameIntegrator(observed, step)
     name, out = system.bodies[bodies[-1]].name, []
-    for _ in range(round((periods + 0.75) * per_period)):
+    for _ in range(round(10.75 * 300)):
         run.advance()
         out.append(run.position(name, "tip")[0])
-    crossing = upward_crossings(out, step)
-    return 2.0 * np.pi * (len(crossing) - 1) / (crossing[-1] - crossing[0])
+    return crossing_frequency(out, step)
 
 
 @case(
     "observer-substructures",
     "Rotating blade and loaded tower in several local observer frames: the geometric stiffness comes back",
     "the same beams in one body with second-order displacements; Southwell's coefficient of the uniform blade",
-    quick=False,
 )
 def substructures() -> CaseResult:
     """First frequency of one to eight bodies against that of one body with geometric stiffness."""
@@ -144,36 +138,23 @@ def substructures() -> CaseResult:
 
 
 # ---- second-order displacements -------------------------------------------------------------------------------------
-# Local observer frames with second-order displacements: the geometric stiffness of axial forces within one body.
-#
-# As published the displacement from a moving frame is linear, and the strain energy knows no axial force. With the
-# second-order displacement ½ qᵀ H q the centrifugal tension of a rotating blade stiffens it and the weight on a tower
-# softens it (:mod:`wt_gym.multibody.observer_frame.frame`). Both are seen in time, released with the velocities of the
-# first mode, and on the turbine in the wind.
+# With the second-order displacement ½ qᵀ H q the centrifugal tension of a rotating blade stiffens one body too, and the
+# weight on a tower softens it (:mod:`wt_gym.multibody.observer_frame.frame`).
 
 TABLE = {0.0: (3.5160, 3.5160), 2.0: (4.1373, 3.6218), 4.0: (5.5850, 3.8977), 8.0: (9.2568, 4.6571)}
 """ω √(m L⁴/EI) of the first flap and lag mode of a rotating cantilever without hub, by Ω √(m L⁴/EI)."""
 ROTATING_SOURCE = "Wright, Smith, Thresher & Wang, J. Appl. Mech. 49, 1982; computed again from the beam's equation"
 
 
-def rotating_frequency(eta, plane, displacement="second_order", n_modes=8, periods=20, per_period=150):
-    """ω √(m L⁴/EI) of the first mode of a blade that a massive hub turns, from upward zero crossings of its tip.
+def rotating_frequency(eta, plane):
+    """ω √(m L⁴/EI) of the first mode of a blade that a massive hub turns with Ω √(m L⁴/EI) = ``eta``.
 
-    Parameters
-    ----------
-    eta : float
-        Ω √(m L⁴/EI).
-    plane : str
-        "flap", along the axis of rotation, or "lag", across it.
-    displacement : str
-        From the observer frame, "linear" or "second_order".
-    n_modes, periods, per_period : int
-        Modes of the blade, periods that are watched and steps in each.
+    From upward zero crossings of its tip, along the axis of rotation ("flap") or across it ("lag").
     """
     about_x, about_y = (16.0 * EI, EI) if plane == "flap" else (EI, 16.0 * EI)
     sections = BeamSections.uniform(LENGTH, EA=1e8, EIx=about_x, EIy=about_y, GJ=1e6, mass=MASS, Ix=1e-7, Iy=1e-7)
     beam, unit = Beam(sections, 12), np.sqrt(MASS * LENGTH**4 / EI)
-    body = Substructure.from_beam("blade", beam, "clamped", n_modes, displacement=displacement)
+    body = Substructure.from_beam("blade", beam, "clamped", 8, displacement="second_order")
     across = np.array([1.0, 0.0, 0.0]) if plane == "flap" else np.array([0.0, 1.0, 0.0])
     rates, spin = np.zeros(body.n), np.array([eta / unit, 0.0, 0.0])
     moves = across @ body.places["tip"].field[:3]
@@ -181,23 +162,18 @@ def rotating_frequency(eta, plane, displacement="second_order", n_modes=8, perio
     rates[first] = 1e-3 * LENGTH / unit / moves[first]
     system = ObserverFrameSystem()
     system.add(body, angular_velocity=spin, rates=rates)
-    system.add(_hub(1e6), angular_velocity=spin)
+    # points about the axis, so heavy that the blade does not slow them down
+    ball = BeamSections.uniform(1.0, EA=1.0, EIx=1.0, EIy=1.0, GJ=1.0, mass=1e6, Ix=1e6, Iy=1e6)
+    system.add(Substructure.from_beam("hub", Beam(ball, 1), n_modes=0), angular_velocity=spin)
     system.hinge("hub", "root", (1.0, 0.0, 0.0))
     system.weld("hub", "root", "blade", "root")
     expected = TABLE[eta][0 if plane == "flap" else 1] / unit
-    step = 2.0 * np.pi / expected / per_period
+    step = 2.0 * np.pi / expected / 150
     run, out = ObserverFrameIntegrator(system, step), []
-    for _ in range(round((periods + 0.75) * per_period)):
+    for _ in range(round(20.75 * 150)):
         run.advance()
         out.append(run.displacement("blade", "tip")[:3] @ across)
-    crossing = upward_crossings(out, step)
-    return float(2.0 * np.pi * (len(crossing) - 1) / (crossing[-1] - crossing[0]) * unit)
-
-
-def _hub(mass):
-    """A rigid ball of points about the axis, so heavy that the blade does not slow it down."""
-    beam = Beam(BeamSections.uniform(1.0, EA=1.0, EIx=1.0, EIy=1.0, GJ=1.0, mass=mass, Ix=mass, Iy=mass), 1)
-    return Substructure.from_beam("hub", beam, n_modes=0)
+    return crossing_frequency(out, step) * unit
 
 
 def steady_tips(turbine, wind, fidelity, duration=30.0):
@@ -247,13 +223,8 @@ def second_order(etas=tuple(TABLE), winds=(("nrel_5mw", 8.0), ("nrel_5mw", 11.4)
 
 
 # ---- a whole turbine ------------------------------------------------------------------------------------------------
-# The reduction study of Holm-Jørgensen, Nielsen & Rubak on a whole turbine in turbulence, in local observer frames.
-#
-# Their blade under a follower load needs ten modes at a deflection of 0.15 of its length, while three suffice for its
-# free vibration. Displacements from the frames are linear, as theirs. Here the blades of the IEA 15-MW turbine, which
-# bend by 0.14 of their length near rated wind, are reduced to 3, 5, 10 and 16 modes in bending and compared with all
-# displacements and rotations in bending of their finite elements, under the baseline controller in the same turbulent
-# wind.
+# Their blade under a follower load needs ten modes at a deflection of 0.15 of its length, three in free vibration. The
+# blades of the IEA 15-MW turbine bend by 0.14 of their length near rated wind.
 
 REDUCED_TURBINE, REDUCTION_WIND, REDUCTION_SEED, TURBULENCE_CLASS = "iea_15mw", 10.0, 1, "B"
 REDUCTION_SKIP, REDUCTION_DURATION = 20.0, 120.0
@@ -276,12 +247,7 @@ def centrifugal_stiffness(body, radius):
     The potential of the centrifugal force on the shortening ½ q² H_z is −Ω² ∫ (z + r) ½ q² H_z dm; ∫ z H_z dm is a
     quarter of j2_xx + j2_yy − j2_zz for shapes across z.
 
-    Parameters
-    ----------
-    body : FlexibleBody
-        With second-order displacements.
-    radius : float
-        Of the blade root [m].
+    ``body`` with second-order displacements; ``radius`` of the blade root [m].
     """
     j2 = body.inertia.j2[0, 0]
     return -(0.25 * (j2[0, 0] + j2[1, 1] - j2[2, 2]) + radius * body.inertia.c2[2, 0, 0])
@@ -290,12 +256,8 @@ def centrifugal_stiffness(body, radius):
 def reduced_run(n_modes, formulation="observer", duration=REDUCTION_DURATION, **options):
     """Tip deflection and root moment of blade 1 with a number of modes, None for finite elements.
 
-    Returns
-    -------
-    dict
-        "time" (n,) [s], "tip" (n,) [m] and "moment" (n,) [N m] flapwise, "length" of the blade [m], "cost" of an
-        aerodynamic step [s], "speed" (n,) of the rotor [rad/s], the "blade" and the "radius" of
-        its root [m].
+    Returns dict of "time" (n,) [s], "tip" (n,) [m] and "moment" (n,) [N m] flapwise, "length" of the blade [m], "cost"
+    of an aerodynamic step [s], "speed" (n,) of the rotor [rad/s], the "blade" and the "radius" of its root [m].
     """
     turbine = load_turbine(REDUCED_TURBINE)
     chosen = (

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import eigh
 
+from envs_tests.physics.cases.tools import eigenfrequencies
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table
 from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem
 from wt_gym.multibody.observer_frame.observer_frame_body import REFERENCE_CONDITIONS, ObserverFrameError, Substructure
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 
 # ---- load case 1 ----------------------------------------------------------------------------------------------------
-# The blade-and-shaft example of Holm-Jørgensen, Nielsen & Rubak in local observer frames, and what the method gives.
-#
 # A 46-m, 10-t blade on a 4-m shaft in two bearings, 20 + 4 elements, loaded at its tip. The section tables of the
 # paper's blade are not public: a stand-in of the same length and mass is used, with straight axes (no twist, no offset
 # of the mass center), so that flap, edge and torsion are uncoupled as in the paper's figures. Load amplitudes are not
@@ -91,29 +90,26 @@ def shaft_beam() -> Beam:
 def rotor(load, axes, reference="clamped", n_modes=None, step=STEP, **options):
     """Integrator of the example with a tip load.
 
-    Parameters
-    ----------
-    load : callable
-        Force and moment (6,) at the blade tip as a function of time.
-    axes : str
-        Of the load, see :meth:`ObserverFrameSystem.load`.
-    reference : str
-        Reference condition of the blade.
-    n_modes : int, optional
-        Elastic modes of the blade; None for finite elements. The shaft is always finite elements.
-    step : float
-        [s].
-    **options
-        Of :class:`ObserverFrameIntegrator`.
+    ``load``: force and moment (6,) at the blade tip as a function of time; ``axes`` of the load, see
+    :meth:`ObserverFrameSystem.load`; ``reference``: reference condition of the blade; ``n_modes``: elastic modes of the
+    blade; None for finite elements. The shaft is always finite elements; ``step`` [s]; ``options`` of
+    :class:`ObserverFrameIntegrator`.
     """
-    system = ObserverFrameSystem()
-    system.add(Substructure.from_beam("blade", blade_beam(), reference, n_modes))
-    system.add(Substructure.from_beam("shaft", shaft_beam(), markers={"front bearing": 2.0}), rotation=BACKWARDS)
+    blade = Substructure.from_beam("blade", blade_beam(), reference, n_modes)
+    return ObserverFrameIntegrator(on_bearings(blade, load, axes), step, **options)
+
+
+def on_bearings(blade, load, axes, speed=0.0):
+    """System of the blade on the shaft in its bearings, turning at a speed [rad/s], loaded at the tip."""
+    system, spin = ObserverFrameSystem(), (speed, 0.0, 0.0)
+    system.add(blade, angular_velocity=spin)
+    shaft = Substructure.from_beam("shaft", shaft_beam(), markers={"front bearing": 2.0})
+    system.add(shaft, rotation=BACKWARDS, angular_velocity=spin)
     system.weld("blade", "root", "shaft", "root")
     system.support("shaft", "front bearing", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
     system.support("shaft", "tip")
     system.load("blade", "tip", load, axes)
-    return ObserverFrameIntegrator(system, step, **options)
+    return system
 
 
 def ramp(flap: float, edge: float, duration: float) -> Callable[[float], np.ndarray]:
@@ -129,12 +125,9 @@ def ramp(flap: float, edge: float, duration: float) -> Callable[[float], np.ndar
 def simulate(integrator, end):
     """Histories of the example.
 
-    Returns
-    -------
-    dict of str to array
-        time (n,); tip (n, 3) in the fixed frame [m]; relative (n, 3) displacement of the tip from the frame; largest
-        (n,) flapwise displacement of any node from the frame; speed (n,) of the hub [rad/s]; power (n,) of a load
-        on the undeformed lever [W]; energy [J] and momentum about the shaft [kg m²/s], every tenth step.
+    Returns dict of time (n,); tip (n, 3) in the fixed frame [m]; relative (n, 3) displacement of the tip from the
+    frame; largest (n,) flapwise displacement of any node from the frame; speed (n,) of the hub [rad/s]; power (n,) of a
+    load on the undeformed lever [W]; energy [J] and momentum about the shaft [kg m²/s], every tenth step.
     """
     blade = integrator.system.bodies[0]
     flap_rows = blade.basis[0::6]
@@ -226,7 +219,6 @@ def harmonic(time: np.ndarray, x: np.ndarray, low: float, high: float) -> tuple[
     "observer-frame-rotor",
     "Blade and shaft: tip loads spin the rotor up; 16 modes against finite elements",
     PAPER,
-    quick=False,
 )
 def spin_up() -> CaseResult:
     """Load case 1, figure 3."""
@@ -289,12 +281,10 @@ def spin_up() -> CaseResult:
     }  # fmt: skip
     largest = np.abs(full["speed"][late] / mean - 1.0).max()
     notes = (
-        f"Edge load {abs(edge):.0f} N from J Ω = ∫ F L dt, flap load {FLAP_LOAD:.0f} N (not published). The sudden end "
-        "of the edge load leaves edgewise vibrations in many modes, which turn the light hub: its own speed swings by "
-        f"up to ± {100 * largest:.0f} %, as the linear modes of blade and shaft say it must. What stays constant is "
-        "the angular momentum, and Ω over a period of the vibration. In the hub's own speed the models differ by "
-        f"{100 * difference(full['speed'], modal['speed']):.1f} % (rms), in the high modes of the sudden end that 16 "
-        "do not have."
+        f"Edge load {abs(edge):.0f} N from J Ω = ∫ F L dt, flap load {FLAP_LOAD:.0f} N (not published). Edgewise "
+        "vibrations after the sudden end of the load turn the light hub: its own speed swings by ± "
+        f"{100 * largest:.0f} %, in which the models differ by {100 * difference(full['speed'], modal['speed']):.1f} % "
+        "(rms)."
     )
     return CaseResult(checks, figures, notes)
 
@@ -303,10 +293,9 @@ def _frequencies(body, stiffness, gyroscopic, plane):
     """Circular frequencies, ascending, of the modes of a body that move in one plane (0 along x, 1 along y)."""
     moves = np.abs(body.marker_shape("tip")[:2, : body.n_elastic])
     chosen = np.flatnonzero(moves[plane] > 1e-6 * moves.max())
-    n, block = len(chosen), np.ix_(chosen, chosen)
+    block = np.ix_(chosen, chosen)
     inverse = np.linalg.inv(body.mass_matrix[block])
-    a = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ stiffness[block], -inverse @ gyroscopic[block]]])
-    return np.sort(np.abs(np.linalg.eigvals(a).imag))[::2]
+    return eigenfrequencies(np.hstack([-inverse @ stiffness[block], -inverse @ gyroscopic[block]]))
 
 
 @case("observer-frame-spin", "A spinning clamped beam without geometric stiffness", "eqs (6)–(7) at constant speed")
@@ -331,17 +320,13 @@ def spinning_frequencies() -> CaseResult:
 
 
 # ---- load case 2 ----------------------------------------------------------------------------------------------------
-# Loads in the deformed state, and the three reference conditions: load case 2 of the blade-and-shaft example.
-#
 # Equation (4) refers a load p that acts on the deformed blade to its undeformed axis by the moment u × p. Two readings:
 #
-# - *printed*: the couple u × p acts at the loaded section. Every section then has the moment (s + u(s) − σ) × p of a
-#   load whose lever counts from the undeformed section σ: too much by u(σ) × p, all of it where the blade is softest.
-#   The tip turns, the turned force grows a lever, which turns the tip: with the flexibility a, b, d of the tip (u = a F
-#   + b M, θ = b F + d M) a load at rest has the couple M = F u θ = F (a F + b M)(b F + d M), a quadratic equation
-#   without a solution above some load.
-# - *consistent*: "in the deformed state" for all sections, (s + u(s) − σ − u(σ)) × p, which is the work of p on the
-#   second-order displacement of its point. Nothing acts at the tip itself.
+# - *printed*: the couple u × p acts at the loaded section. Every section then has the moment (s + u(s) − σ) × p, too
+#   much by u(σ) × p. With the flexibility a, b, d of the tip (u = a F + b M, θ = b F + d M) a load at rest has the
+#   couple M = F u θ = F (a F + b M)(b F + d M), a quadratic equation without a solution above some load.
+# - *consistent*: (s + u(s) − σ − u(σ)) × p at all sections, the work of p on the second-order displacement of its
+#   point.
 
 LOAD = 76.5e3
 """Final flap load [N], chosen for u/L ≈ 0.15 at 2 s with finite elements and the consistent load."""
@@ -432,7 +417,6 @@ def figures_of(runs, name):
     "observer-frame-follower",
     "Load in the deformed state, consistent levers, and how many modes it needs",
     PAPER,
-    quick=False,
 )
 def follower() -> CaseResult:
     """Load case 2, figure 4."""
@@ -533,7 +517,6 @@ def exact_follower(force, n=2000):
     "observer-frame-follower-printed",
     "Eq. (4) as printed: a couple at the tip, and where it has a solution",
     PAPER,
-    quick=False,
 )
 def printed() -> CaseResult:
     """Load case 2 with the couple u × p at the loaded section."""
@@ -561,9 +544,7 @@ def printed() -> CaseResult:
     notes = (
         f"The largest load of the stand-in blade at rest is {limit / 1e3:.1f} kN (u/L = "
         f"{printed_balance(limit) / LENGTH:.3f}). Loaded within 2 s the blade is at u/L = {full[end]:.3f} when the "
-        "time stepping ceases to converge, so that the published comparison at u/L ≈ 0.15 cannot be made with this "
-        f"reading: at {full[end]:.3f} modal models reach {ratios} modes of finite elements. The couple bends the "
-        "softest element of the blade, which few modes describe. The consistent reading gives the published picture."
+        f"time stepping ceases to converge: there modal models reach {ratios} modes of finite elements."
     )
     return CaseResult(checks, figures_of(runs, ", eq. (4) as printed"), notes)
 
@@ -586,7 +567,6 @@ def reference_runs():
     "observer-frame-references",
     "Three reference conditions: similar response, smaller displacement from the frame",
     PAPER,
-    quick=False,
 )
 def references() -> CaseResult:
     """Load case 2, figure 5, with finite elements and with 10 modes."""
@@ -648,20 +628,14 @@ def references() -> CaseResult:
     printed_error = ", ".join(f"{100 * (static_tip(force, 'deformed', r) / exact - 1.0):+.1f} %" for r in order)
     linear_error = 100 * (static_tip(force, "undeformed") / exact - 1.0)
     notes = (
-        "A load in the deformed state depends on the frame, because displacements and rotations that are small "
-        "relative to one frame are smaller relative to another. At rest under 50 kN the tip is off the exact rod by "
-        f"{per_cent} (clamped, 3/4 point, end points) with the consistent load, by "
-        f"{printed_error} with eq. (4) as printed, and by {linear_error:+.1f} % with the linear "
-        "load: a follower force bends the exact rod less than the linear theory says, since its lever shortens, which "
-        "no reading of eq. (4) contains. It is the paper's model, not a better one; large deflections are for several "
-        "floating-frame bodies a blade."
+        f"At rest under 50 kN the tip is off the exact rod by {per_cent} (clamped, 3/4 point, end points) with the "
+        f"consistent load, by {printed_error} with eq. (4) as printed, and by {linear_error:+.1f} % with the linear "
+        "load: the lever of a follower force shortens, which no reading of eq. (4) contains."
     )
     return CaseResult(checks, figures, notes)
 
 
 # ---- updates of the frame -------------------------------------------------------------------------------------------
-# Updates of the local observer frame: equations (9)–(12) as printed, and updates on demand.
-#
 # Both on the blade-and-shaft example.
 
 SLOW = 0.2
@@ -675,15 +649,8 @@ THRESHOLDS = (0.01, 0.1, 0.3, 2.0)
 
 def turning(speed, n_modes, prediction):
     """Integrator of the example turning freely at a speed [rad/s] while its tip is pushed flapwise."""
-    system = ObserverFrameSystem()
-    spin = (speed, 0.0, 0.0)
-    system.add(Substructure.from_beam("blade", blade_beam(), n_modes=n_modes), angular_velocity=spin)
-    shaft = Substructure.from_beam("shaft", shaft_beam(), markers={"front bearing": 2.0})
-    system.add(shaft, rotation=BACKWARDS, angular_velocity=spin)
-    system.weld("blade", "root", "shaft", "root")
-    system.support("shaft", "front bearing", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
-    system.support("shaft", "tip")
-    system.load("blade", "tip", ramp(PUSH, 0.0, 1.0), "undeformed")
+    blade = Substructure.from_beam("blade", blade_beam(), n_modes=n_modes)
+    system = on_bearings(blade, ramp(PUSH, 0.0, 1.0), "undeformed", speed)
     return ObserverFrameIntegrator(system, STEP, prediction=prediction)
 
 
@@ -708,7 +675,6 @@ def follow(speed, n_modes, prediction):
     "observer-frame-printed-update",
     "Frame updates (9)–(12) as printed: where they work",
     f"{PAPER}, eqs. (9)–(12)",
-    quick=False,
 )
 def printed_updates() -> CaseResult:
     """The frame takes φ̈ of the last instant with it: harmless for few modes, and for finite elements turning slowly."""
@@ -749,7 +715,6 @@ def printed_updates() -> CaseResult:
     "observer-frame-threshold",
     "Frame updates on demand: tip and speed against updates in every step",
     PAPER,
-    quick=False,
 )
 def thresholds() -> CaseResult:
     """Load case 1 with 16 modes, updated when the rigid-body displacement exceeds a threshold."""

@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 
+from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case, read_table, worst
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.analysis.results import Wind
@@ -17,11 +18,10 @@ from wt_gym.experiment.comparison import ComparisonConfig, change, comparison_ta
 from wt_gym.experiment.run import run_baseline, run_controller
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 # ---- NREL 5-MW ------------------------------------------------------------------------------------------------------
-# The operating curve of the NREL 5-MW turbine: the complete simulator under the baseline controller in steady wind.
 
 FIG_9_1 = "Jonkman et al. 2009, NREL/TP-500-38060, Figure 9-1 (FAST, blade-element momentum theory)"
 FIDELITY = "training"
@@ -41,24 +41,10 @@ SLOW_WIND = 6.5
 class SteadyPoint:
     """Means of a steady operating point.
 
-    Attributes
-    ----------
-    wind : float
-        [m/s].
-    rotor_speed : float
-        [rpm].
-    pitch : float
-        [deg].
-    power : float
-        Electrical [kW].
-    thrust : float
-        Shaft force with the weight of the rotor [kN].
-    aero_thrust : float
-        Force of the air along the shaft [kN].
-    tip : float
-        Tip displacement out of the plane of rotation [m].
-    drift, speed_drift : float
-        Relative change of power and rotor speed from the first to the second half of the mean.
+    ``wind`` [m/s]; ``rotor_speed`` [rpm]; ``pitch`` [deg]; ``power``: electrical [kW]; ``thrust``: shaft force with the
+    weight of the rotor [kN]; ``aero_thrust``: force of the air along the shaft [kN]; ``tip``: tip displacement out of
+    the plane of rotation [m]; ``drift``, ``speed_drift``: relative change of power and rotor speed from the first to
+    the second half of the mean.
     """
 
     wind: float
@@ -77,14 +63,8 @@ def steady_point(
 ) -> SteadyPoint:
     """Simulate a turbine under its baseline controller until it is steady.
 
-    Parameters
-    ----------
-    wind : float
-        Uniform and steady [m/s].
-    rotor_speed, pitch : float
-        Where to start: the nearer to the steady state, the sooner it is reached [rad/s], [rad].
-    settling, average : float
-        Time before the mean and time of the mean [s].
+    ``wind``: uniform and steady [m/s]; ``rotor_speed``, ``pitch`` where to start: the nearer to the steady state, the
+    sooner it is reached [rad/s], [rad]; ``settling``, ``average``: time before the mean and time of the mean [s].
     """
     inflow = SteadyInflow(wind, hub_height=turbine.hub_height)
     simulator = Simulator(turbine, inflow, fidelity)
@@ -200,19 +180,11 @@ def _percent(found, expected):
 
 
 # ---- IEA 22-MW ------------------------------------------------------------------------------------------------------
-# The IEA 22-MW under its own controller in steady wind against the steady states published with it.
-#
 # Two sets are published, of OpenFAST and of HAWC2, both without tilt and gravity and with blades that bend far and
-# twist: their tips turn by up to 5.7 deg. The turbine is therefore simulated without tilt (gravity stays: over a turn
-# of a rotor without tilt it adds no mean moment about the shaft), and each blade is a chain of bodies, so that bending
-# twists it. The pitch at 24 m/s, the most sensitive number, less that of OpenFAST:
-#
-# - one body: +0.52 deg with 2 + 1 + 1 modes (flap, edge, torsion; `training-torsion`), +0.43 with 3 + 2 + 1, -0.29
-#   with 4 + 3 + 2, -0.43 with 5 + 4 + 3, -0.45 with 7 + 5 + 4;
-# - four, six and eight bodies: -0.13, -0.31 and -0.38 deg.
-#
-# Both ways end at about -0.45 deg; few modes that come nearer owe it to what they leave out. With rigid blades the
-# lattice needs 0.38 deg less than blade elements with the same polars (22.58 for 22.96 deg).
+# twist: their tips turn by up to 5.7 deg. The turbine is simulated without tilt (over a turn gravity then adds no mean
+# moment about the shaft), its blades as chains of bodies. The pitch at 24 m/s less that of OpenFAST is, for one body,
+# +0.52 deg with 2 + 1 + 1 modes (flap, edge, torsion), -0.29 with 4 + 3 + 2 and -0.45 with 7 + 5 + 4; for four, six and
+# eight bodies -0.13, -0.31 and -0.38 deg. With rigid blades the lattice needs 0.38 deg less than blade elements.
 
 IEA22 = "IEA-22-280-RWT, outputs/01_steady_states (OpenFAST with ROSCO and BeamDyn)"
 IEA22_FIDELITY = replace(
@@ -294,7 +266,6 @@ def _iea22_percent(found, expected):
 
 
 # ---- controllers ----------------------------------------------------------------------------------------------------
-# What the controllers of the library do in turbulence, each against the published baseline in the same winds.
 
 WINDS = (12.0, 15.0, 18.0)
 SEEDS = tuple(range(1001, 1007))
@@ -389,7 +360,6 @@ def wind_estimate(winds=(8.0, 12.0, 16.0), duration=200.0) -> CaseResult:
 
 
 # ---- pitch drive ----------------------------------------------------------------------------------------------------
-# The bandwidth of the pitch drive: what a servo adds to the way of the pitch and to the loads in turbulence.
 
 DRIVE_WINDS = ((12.0, 3), (12.0, 5), (16.0, 3))
 """Mean wind [m/s] and seed of the turbulence, class B."""

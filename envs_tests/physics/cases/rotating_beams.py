@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag, eigh, null_space
 from scipy.spatial.transform import Rotation
 
-from envs_tests.physics.cases.tools import body_pose, frequencies, rate_jacobian
+from envs_tests.physics.cases.tools import body_pose, eigenfrequencies, frequencies, rate_jacobian
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table, worst
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_frame_from_system
@@ -20,8 +20,6 @@ from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines.blade import inertia_matrix
 
 # ---- rotating cantilevers -------------------------------------------------------------------------------------------
-# Rotating cantilevers: frequencies over the speed of rotation, Southwell coefficients, and the spin-up maneuver.
-#
 # A beam clamped to a hub that turns at constant speed about x: flap is motion along x (along the spin axis), lag along
 # y (in the plane of rotation). Frequencies are made dimensionless with √(m L⁴/EI) and the speed η = Ω √(m L⁴/EI).
 
@@ -48,30 +46,34 @@ def tapered_sections(n=161):
     return BeamSections(s, stiffness, inertia, np.column_stack([0.0 * s, 0.0 * s, s]))
 
 
-def bending_basis(beam, coordinates, n_modes=16):
+def bending_basis(beam, coordinates):
     """Modes of the clamped beam, or unit vectors of the bending coordinates of every node but the root.
 
     Axial coordinates are left out: the second-order field already keeps the axis inextensible, as the tables assume.
     """
     if coordinates == "modal":
-        return np.hstack([clamped_modes(beam, n_modes // 2, node_dofs=plane).shape for plane in ((0, 4), (1, 3))])
+        return np.hstack([clamped_modes(beam, 8, node_dofs=plane).shape for plane in ((0, 4), (1, 3))])
     keep = [6 * node + k for node in range(1, beam.n_dof // 6) for k in (0, 1, 3, 4)]
     return np.eye(beam.n_dof)[:, keep]
 
 
-def spinning_beam(sections, coordinates, delta=0.0, n_elements=None):
-    """System of one beam on a hub of radius δ L driven about x, with the scale and the plane of its coordinates."""
-    beam = Beam(sections, n_elements or (8 if coordinates == "nodal" else 16))
-    basis = bending_basis(beam, coordinates)
-    body = FlexibleBody.from_beam("blade", beam, basis)
+def on_spinning_hub(body, delta):
+    """System of a body on a hub of radius δ L driven about x."""
     system = MultibodySystem(gravity=(0.0, 0.0, 0.0))
     turned = FlexibleBody.rigid("hub", 1.0, np.zeros(3), np.eye(3))
     drive = Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, servo_damping=0.0, name="spin")
-    hub = system.add(turned, drive)
-    system.add(body, Joint("fixed", offset=(0.0, 0.0, delta * LENGTH)), hub)
+    system.add(body, Joint("fixed", offset=(0.0, 0.0, delta * LENGTH)), system.add(turned, drive))
+    return system.build()
+
+
+def spinning_beam(sections, coordinates, delta=0.0):
+    """System of one beam on a hub of radius δ L driven about x, with the scale and the plane of its coordinates."""
+    beam = Beam(sections, 8 if coordinates == "nodal" else 16)
+    basis = bending_basis(beam, coordinates)
     moves = np.abs(basis).reshape(-1, 6, basis.shape[1]).max(axis=0)
     planes = [np.flatnonzero(moves[0] + moves[4] > 0.0), np.flatnonzero(moves[1] + moves[3] > 0.0)]
-    return system.build(), 1e-4 / np.maximum(moves.max(axis=0), 1e-3), planes
+    system = on_spinning_hub(FlexibleBody.from_beam("blade", beam, basis), delta)
+    return system, 1e-4 / np.maximum(moves.max(axis=0), 1e-3), planes
 
 
 def spinning_frequencies(model, eta):
@@ -83,107 +85,83 @@ def spinning_frequencies(model, eta):
     jacobian = rate_jacobian(system, y, step=scale)
     out = []
     for chosen in planes:
-        both, m = np.concatenate([chosen, n + chosen]), len(chosen)
-        a = np.block([[np.zeros((m, m)), np.eye(m)], [jacobian[np.ix_(chosen, both)]]])
-        out.append(np.sort(np.abs(np.linalg.eigvals(a).imag))[::2] * UNIT)
+        out.append(eigenfrequencies(jacobian[np.ix_(chosen, np.concatenate([chosen, n + chosen]))]) * UNIT)
     return out
 
 
-def branch(quantity, eta, expected, obtained, source):
-    """Check of one branch of frequencies at the speed at which it fits worst."""
-    return worst(quantity, "speeds: η = {:g}", eta, expected, obtained, TOLERANCE, source=source)
+def branches(sections, coordinates, eta, delta=0.0):
+    """Frequencies of flap 1 to 3 and lag 1 over the speeds, shape (n, 4)."""
+    model = spinning_beam(sections, coordinates, delta)
+    return np.array([[*flap[:3], lag[0]] for flap, lag in (spinning_frequencies(model, e) for e in eta)])
+
+
+def compared(coordinates, eta, expected, found, source, where="", of_lag=""):
+    """Checks of the four branches, each at the speed at which it fits worst."""
+    names = [(f"{where}{name}, {coordinates}", source) for name in ("flap 1", "flap 2", "flap 3")]
+    names.append((f"{where}lag 1, {coordinates}", source + of_lag))
+    return [
+        worst(name, "speeds: η = {:g}", eta, expected[:, i], found[:, i], TOLERANCE, source=origin)
+        for i, (name, origin) in enumerate(names)
+    ]
 
 
 @case("rotating-cantilever", "Uniform rotating cantilever: flap 1–3, lag 1, nodal and modal coordinates", WRIGHT)
 def rotating_cantilever() -> CaseResult:
     """Hub radius zero, η = 0 … 12."""
     table, columns = read_table("rotating_uniform_cantilever.csv")
-    eta, column = table[:, 0], {name: table[:, i] for i, name in enumerate(columns)}
+    eta, exact = table[:, 0], table[:, [columns.index(name) for name in ("flap1", "flap2", "flap3", "lag1")]]
     checks, figures = [], {}
     for coordinates in ("modal", "nodal"):
-        model = spinning_beam(uniform_sections(), coordinates)
-        found = [spinning_frequencies(model, e) for e in eta]
-        flap, lag = (np.array([f[plane][:3] for f in found]) for plane in (0, 1))
-        for i in range(3):
-            checks.append(branch(f"flap {i + 1}, {coordinates}", eta, column[f"flap{i + 1}"], flap[:, i], WRIGHT))
-        checks.append(branch(f"lag 1, {coordinates}", eta, column["lag1"], lag[:, 0], WRIGHT))
-        figures[f"uniform cantilever, {coordinates} coordinates"] = Figure((
-            *(Curve(eta, column[f"flap{i}"], f"flap {i}, exact") for i in (1, 2, 3)),
-            Curve(eta, column["lag1"], "lag 1, exact"),
-            *(Curve(eta, flap[:, i], f"flap {i + 1}", "o") for i in range(3)),
-            Curve(eta, lag[:, 0], "lag 1", "x"),
-        ), "η = Ω √(m L⁴/EI)", "ω √(m L⁴/EI)")  # fmt: skip
+        found = branches(uniform_sections(), coordinates, eta)
+        checks += compared(coordinates, eta, exact, found, WRIGHT)
+        names = ("flap 1", "flap 2", "flap 3", "lag 1")
+        curves = [Curve(eta, exact[:, i], f"{name}, exact") for i, name in enumerate(names)]
+        curves += [Curve(eta, found[:, i], name, "x" if i == 3 else "o") for i, name in enumerate(names)]
+        figures[f"uniform cantilever, {coordinates} coordinates"] = Figure(
+            tuple(curves), "η = Ω √(m L⁴/EI)", "ω √(m L⁴/EI)"
+        )
     return CaseResult(checks, figures)
 
 
 LAG = "; lag² = flap² − η², exact for a beam with equal stiffness in both planes"
 
 
-def lag_of(flap, eta):
-    """Exact frequency in the plane of rotation, whose equation differs from that of flap by the softening −m Ω² v."""
-    return np.sqrt(flap**2 - eta**2)
+def with_lag(eta, flap):
+    """Flap and the exact frequency in the plane of rotation, whose equation has the softening −m Ω² v besides."""
+    return np.column_stack([flap, np.sqrt(flap[:, 0] ** 2 - eta**2)])
 
 
 @case("rotating-cantilever-hub", "Rotating cantilever on hubs of radius 0.05 L … 5 L: flap 1–3, lag 1", WRIGHT)
 def rotating_cantilever_hub() -> CaseResult:
     """Speeds up to η = 12 are checked; η = 50 of the table belongs to a string rather than a beam."""
     table, _ = read_table("rotating_uniform_cantilever_hub_offset.csv")
+    table = table[table[:, 1] <= 12.0]
     checks, figures = [], {}
     for coordinates in ("modal", "nodal"):
-        found = np.zeros((len(table), 4))
+        curves = []
         for delta in np.unique(table[:, 0]):
-            model = spinning_beam(uniform_sections(), coordinates, delta)
-            for k in np.flatnonzero((table[:, 0] == delta) & (table[:, 1] <= 12.0)):
-                flap, lag = spinning_frequencies(model, table[k, 1])
-                found[k] = [*flap[:3], lag[0]]
-        rows = table[:, 1] <= 12.0
-        for delta in np.unique(table[:, 0]):
-            k = rows & (table[:, 0] == delta)
-            for i in range(3):
-                name = f"hub {delta:g} L, flap {i + 1}, {coordinates}"
-                checks.append(branch(name, table[k, 1], table[k, 2 + i], found[k, i], WRIGHT))
-            exact = lag_of(table[k, 2], table[k, 1])
-            name = f"hub {delta:g} L, lag 1, {coordinates}"
-            checks.append(branch(name, table[k, 1], exact, found[k, 3], WRIGHT + LAG))
-        figures[f"hub offsets, {coordinates} coordinates"] = Figure(
-            tuple(
-                curve
-                for delta in np.unique(table[:, 0])
-                for k in [rows & (table[:, 0] == delta)]
-                for curve in (
-                    Curve(table[k, 1], table[k, 2], f"flap 1, δ = {delta:g}"),
-                    Curve(table[k, 1], found[k, 0], "", "o"),
-                )
-            ),
-            "η",
-            "ω √(m L⁴/EI)",
-        )
+            eta, *flap = table[table[:, 0] == delta, 1:5].T
+            exact, found = with_lag(eta, np.transpose(flap)), branches(uniform_sections(), coordinates, eta, delta)
+            checks += compared(coordinates, eta, exact, found, WRIGHT, f"hub {delta:g} L, ", LAG)
+            curves += [Curve(eta, exact[:, 0], f"flap 1, δ = {delta:g}"), Curve(eta, found[:, 0], "", "o")]
+        figures[f"hub offsets, {coordinates} coordinates"] = Figure(tuple(curves), "η", "ω √(m L⁴/EI)")
     return CaseResult(checks, figures)
 
 
-@case(
-    "rotating-tapered",
-    "Tapered rotating cantilever: flap 1–3, lag 1",
-    "Hodges & Rutkowski 1981, AIAA J. 19, case 2; computed",
-)
+HODGES = "Hodges & Rutkowski 1981"
+
+
+@case("rotating-tapered", "Tapered rotating cantilever: flap 1–3, lag 1", f"{HODGES}, AIAA J. 19, case 2; computed")
 def rotating_tapered() -> CaseResult:
     """Linearly tapered wedge, hub radius zero."""
     table, _ = read_table("rotating_tapered_cantilever.csv")
     eta, checks, curves = table[:, 0], [], []
-    for coordinates in ("modal", "nodal"):
-        model = spinning_beam(tapered_sections(), coordinates)
-        both = [spinning_frequencies(model, e) for e in eta]
-        flap, lag = np.array([f[0][:3] for f in both]), np.array([f[1][0] for f in both])
-        for i in range(3):
-            checks.append(
-                branch(f"flap {i + 1}, {coordinates}", eta, table[:, 1 + i], flap[:, i], "Hodges & Rutkowski 1981")
-            )
-            curves.append(
-                Curve(eta, flap[:, i], f"flap {i + 1}, {coordinates}", "o" if coordinates == "modal" else "x")
-            )
-        exact = lag_of(table[:, 1], eta)
-        checks.append(branch(f"lag 1, {coordinates}", eta, exact, lag, "Hodges & Rutkowski 1981" + LAG))
-    curves += [Curve(eta, table[:, 1 + i], f"flap {i + 1}, reference") for i in range(3)]
+    exact = with_lag(eta, table[:, 1:4])
+    for coordinates, style in (("modal", "o"), ("nodal", "x")):
+        found = branches(tapered_sections(), coordinates, eta)
+        checks += compared(coordinates, eta, exact, found, HODGES, of_lag=LAG)
+        curves += [Curve(eta, found[:, i], f"flap {i + 1}, {coordinates}", style) for i in range(3)]
+    curves += [Curve(eta, exact[:, i], f"flap {i + 1}, reference") for i in range(3)]
     return CaseResult(checks, {"tapered cantilever": Figure(tuple(curves), "η", "ω √(m₀ L⁴/EI₀)")})
 
 
@@ -199,12 +177,8 @@ def southwell() -> list[Check]:
         body = FlexibleBody.from_beam("blade", beam, mode[:, None])
         squared = {}
         for delta, eta in ((0.0, 0.0), (0.0, 10.0), (1.0, 10.0)):
-            system = MultibodySystem(gravity=(0.0, 0.0, 0.0))
-            turned = FlexibleBody.rigid("hub", 1.0, np.zeros(3), np.eye(3))
-            drive = Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, servo_damping=0.0, name="spin")
-            hub = system.add(turned, drive)
-            system.add(body, Joint("fixed", offset=(0.0, 0.0, delta * LENGTH)), hub)
-            y = system.build().initial_state()
+            system = on_spinning_hub(body, delta)
+            y = system.initial_state()
             y[-1] = eta / UNIT
             squared[delta, eta] = (frequencies(system, y, step=1e-3)[0] * UNIT) ** 2
         k = (squared[0.0, 10.0] - squared[0.0, 0.0]) / 100.0
@@ -296,17 +270,10 @@ def spin_up_case() -> CaseResult:
 
 
 # ---- one rotor in three formulations --------------------------------------------------------------------------------
-# One rotor in the embedded, the constrained and the observer-frame form.
-#
-# A flexible shaft turns in a bearing at its rear end and carries a rigid hub with three flexible blades. The bodies,
-# their joints and their loads are described once; the constrained form hangs the blades on the hub by Lagrange
-# multipliers, and both descriptions are translated to local observer frames.
-#
-# What may differ: the observer frame has a linear strain energy. Without the second-order displacement of the blades it
-# lacks the geometric stiffness K Ω² of rotation, K = 1.193 for the first flap mode of a uniform blade (Southwell). The
-# frequency ω₀ is then too low by K Ω²/2ω₀, the phase after a time t by K Ω² t/2ω₀, and so is the response relative to
-# its amplitude. Leaving the second-order displacement out of the embedded form as well gives the same equations at any
-# speed.
+# A flexible shaft in a bearing at its rear end carries a rigid hub with three flexible blades, which the constrained
+# form hangs on the hub by Lagrange multipliers; both descriptions are translated to local observer frames. Without the
+# second-order displacement these lack the geometric stiffness K Ω² of rotation, K = 1.193 for the first flap mode of a
+# uniform blade (Southwell): the frequency ω₀ is too low by K Ω²/2ω₀, the phase after a time t by K Ω² t/2ω₀.
 
 SHAFT = 2.0
 PUSH, TORQUE, RAMP, STRIKE = 0.4, 12.0, 1.0, 0.2
@@ -368,13 +335,6 @@ def begin(system, speed):
 def torque(time):
     """Drive torque [N m], which acts for one second."""
     return TORQUE * np.sin(np.pi * time / RAMP) ** 2 if time < RAMP else 0.0
-
-
-def observed(system, speed=0.0):
-    """The same rotor in local observer frames, driven by the same torque."""
-    other = observer_frame_from_system(system, rotor_beams(), begin(system, speed))
-    other.load("shaft", "root", lambda t: np.array([0.0, 0.0, 0.0, torque(t), 0.0, 0.0]), "fixed")
-    return other
 
 
 # ---- frequencies at rest ---------------------------------------------------------------------------------------------
@@ -458,8 +418,9 @@ def tree_response(form, speed, geometric=True, step=0.002, every=10):
 
 def observed_response(system, speed, step=0.002, every=10, **options):
     """The same of the system in local observer frames."""
-    run = ObserverFrameIntegrator(observed(system, speed), step, **options)
-    out = []
+    other = observer_frame_from_system(system, rotor_beams(), begin(system, speed))
+    other.load("shaft", "root", lambda t: np.array([0.0, 0.0, 0.0, torque(t), 0.0, 0.0]), "fixed")
+    run, out = ObserverFrameIntegrator(other, step, **options), []
     for k in range(round(DURATION / step) + 1):
         if k:
             run.advance()
@@ -484,8 +445,7 @@ def collective_flap(geometric, speed):
     for b in range(2, 5):
         together[system.index(b, "elastic_u") + np.arange(3), np.arange(3)] = 1.0 / np.sqrt(3.0)
     jacobian = together.T @ rate_jacobian(system, y, step=1e-4) @ block_diag(together, together)
-    a = np.block([[np.zeros((3, 3)), np.eye(3)], [jacobian]])
-    return float(np.sort(np.abs(np.linalg.eigvals(a).imag))[0])
+    return float(eigenfrequencies(jacobian)[0])
 
 
 def flap_history(time, frequency):
@@ -523,7 +483,7 @@ def one_rotor(speeds=(SLOW, FAST)) -> CaseResult:
         for name, found in at_rest.items()
     ]  # fmt: skip
     embedded, constrained = build(), build("constrained")
-    flap, southwell = collective_flap(True, 0.0), _southwell()
+    flap, southwell = collective_flap(True, 0.0), read_table("southwell_uniform_cantilever.csv")[0][0, 2]
     figures = {}
     for speed in speeds:
         full = tree_response("embedded", speed)
@@ -584,8 +544,3 @@ def one_rotor(speeds=(SLOW, FAST)) -> CaseResult:
         f"{100 * (collective_flap(True, FAST) / flap - 1.0):.1f} % for this rotor at {FAST:g} rad/s."
     )
     return CaseResult(checks, figures, notes)
-
-
-def _southwell():
-    """K of the first flap mode of a uniform cantilever on a hub of radius zero."""
-    return float(read_table("southwell_uniform_cantilever.csv")[0][0, 2])

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table
 from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
 from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.simulation import FIDELITIES
 from wt_gym.simulation.models import blade_planform
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -25,19 +26,14 @@ if TYPE_CHECKING:
 
 
 # ---- the rotor ------------------------------------------------------------------------------------------------------
-# A rigid rotor in a uniform wind, straight on the vortex lattice: no structure, no tower.
 
 
 @dataclass(frozen=True)
 class UniformWind:
     """The same wind everywhere and always.
 
-    Attributes
-    ----------
-    speed : float
-        [m/s].
-    tilt : float
-        Angle by which the rotor's axis points up against the wind [rad]; the axis stays x, the wind turns instead.
+    ``speed`` [m/s]; ``tilt``: angle by which the rotor's axis points up against the wind [rad]; the axis stays x, the
+    wind turns instead.
     """
 
     speed: float
@@ -53,14 +49,9 @@ class UniformWind:
 class RotorStep:
     """A marching rotor at the end of one step.
 
-    Attributes
-    ----------
-    time, azimuth, speed : float
-        [s], [rad], [rad/s].
-    state : AeroState
-        Of the lattice.
-    nodes, forces : ndarray, shape (n_blades, n_chord + 1, n_span + 1, 3)
-        Positions of the ring nodes [m], the center of the hub at 0, and the forces of the air on them [N].
+    ``time``, ``azimuth``, ``speed`` [s], [rad], [rad/s]; ``state`` of the lattice; ``nodes``, ``forces`` (n_blades,
+    n_chord + 1, n_span + 1, 3): positions of the ring nodes [m], the center of the hub at 0, and the forces of the air
+    on them [N].
     """
 
     time: float
@@ -85,23 +76,13 @@ class RotorStep:
 class RotorRun:
     """What a rotor in a uniform wind has come to.
 
-    Attributes
-    ----------
-    power, thrust : ndarray, shape (n_steps,)
-        [W], [N] at every step.
-    reference_power, reference_thrust : float
-        rho A V^3 / 2 [W] and rho A V^2 / 2 [N].
-    span : ndarray, shape (n_span,)
-        Distance of the strips' middles from the axis, along the blade [m].
-    alpha, speed : ndarray, shape (n_span,)
-        Effective angle of attack [rad] and speed in the section plane [m/s] of the first blade at the last step.
-    circulation : ndarray, shape (n_span,)
-        [m^2/s], first blade, last step.
-    coefficients : ndarray, shape (n_span, 3)
-        cl, cd, cm of the strips' polars at ``alpha``.
-    force : ndarray, shape (n_span, 3)
-        Force per length on the first blade at the last step [N/m], in the frame that turns with it: along the axis, in
-        the direction of motion, along the blade. See `RigidRotor.strip_force`.
+    ``power``, ``thrust`` (n_steps,) [W], [N] at every step; ``reference_power``, ``reference_thrust``: rho A V^3 / 2
+    [W] and rho A V^2 / 2 [N]; ``span`` (n_span,): distance of the strips' middles from the axis, along the blade [m];
+    ``alpha``, ``speed`` (n_span,): effective angle of attack [rad] and speed in the section plane [m/s] of the first
+    blade at the last step; ``circulation`` (n_span,) [m^2/s], first blade, last step; ``coefficients`` (n_span, 3): cl,
+    cd, cm of the strips' polars at ``alpha``; ``force`` (n_span, 3): force per length on the first blade at the last
+    step [N/m], in the frame that turns with it: along the axis, in the direction of motion, along the blade. See
+    `RigidRotor.strip_force`.
     """
 
     power: np.ndarray
@@ -137,18 +118,9 @@ class RotorRun:
 class RigidRotor:
     """Equal rigid blades on a hub.
 
-    Attributes
-    ----------
-    planform : LatticePlanform
-        One blade, z from its root.
-    root_radius : float
-        Distance of the blade root from the axis along the blade [m].
-    radius : float
-        Radius of the disc to which coefficients refer [m].
-    cone : float
-        Positive tips upwind [rad].
-    air_density : float
-        [kg/m^3].
+    ``planform``: one blade, z from its root; ``root_radius``: distance of the blade root from the axis along the blade
+    [m]; ``radius``: radius of the disc to which coefficients refer [m]; ``cone``: positive tips upwind [rad];
+    ``air_density`` [kg/m^3].
     """
 
     planform: LatticePlanform
@@ -191,17 +163,8 @@ class RigidRotor:
     ) -> Iterator[RotorStep]:
         """Start with a helical wake in momentum balance and step with the free wake; a generator of `RotorStep`.
 
-        Parameters
-        ----------
-        inflow : object with ``velocity(points (..., 3), time) -> (..., 3)``
-        rotor_speed : float
-            At the start [rad/s].
-        pitch : callable
-            Pitch [rad] at a time [s].
-        dt : float
-            [s].
-        acceleration : callable, optional
-            ``acceleration(torque, rotor_speed)`` [rad/s^2], given the torque of the air [N m]; by default none.
+        ``rotor_speed`` at the start [rad/s]; ``pitch``: pitch [rad] at a time [s]; ``dt`` [s]; ``acceleration``:
+        ``acceleration(torque, rotor_speed)`` [rad/s^2], given the torque of the air [N m]; by default none.
         """
         lattice = VortexLattice(self.planform, self.n_blades, options, self.air_density)
         state = lattice.new_state()
@@ -226,20 +189,9 @@ class RigidRotor:
             tilt: float = 0.0, steps_per_turn: int | None = None) -> RotorRun:  # fmt: skip
         """Start with a helical wake in momentum balance and turn ``turns`` times with the free wake.
 
-        Parameters
-        ----------
-        wind : float
-            [m/s].
-        rotor_speed : float
-            [rad/s].
-        pitch : float
-            [rad].
-        turns : float
-            At least two, for the mean and its drift.
-        tilt : float
-            Angle of the axis to the wind [rad].
-        steps_per_turn : int, optional
-            By default those of ``options.azimuth_step_deg``.
+        ``wind`` [m/s]; ``rotor_speed`` [rad/s]; ``pitch`` [rad]; ``turns`` at least two, for the mean and its drift;
+        ``tilt``: angle of the axis to the wind [rad]; ``steps_per_turn`` by default those of
+        ``options.azimuth_step_deg``.
         """
         steps = steps_per_turn or round(360.0 / options.azimuth_step_deg)
         dt = 2.0 * np.pi / rotor_speed / steps
@@ -323,12 +275,8 @@ def turn(axis: str, angle: float) -> np.ndarray:
 
 
 # ---- NREL 5-MW ------------------------------------------------------------------------------------------------------
-# The rigid NREL 5-MW rotor: power and thrust coefficients against tip-speed ratio and pitch.
-#
-# The published numbers come from blade-element momentum theory (BEM) with the same blade and the same polars. They are
-# no truth for a lifting surface: BEM takes the induction of an annulus from its own thrust alone, with Prandtl's factor
-# for the tips, where a lattice sees the whole wake. What must agree is the level, the place of the optimum and the
-# slopes.
+# The published numbers come from blade-element momentum theory with the same blade and polars, which takes the
+# induction of an annulus from its own thrust alone: level, place of the optimum and slopes must agree.
 
 TABLE = "CCBlade (blade-element momentum theory), table of the ROSCO toolbox, 2019"
 N_SPAN, STEPS_PER_TURN, WIND = 12, 30, 11.4
@@ -459,12 +407,9 @@ def vertex(x: np.ndarray, y: np.ndarray) -> float:
 
 
 # ---- IEA 15-MW ------------------------------------------------------------------------------------------------------
-# The rigid IEA 15-MW rotor up to light winds, where its least speed of 5 rpm is tip-speed ratios of 11 to 16.
-#
-# Such a rotor is heavily loaded (thrust coefficients from 0.9 to 1.3): the annuli outboard are beyond the induction of
-# one half, where momentum theory is an empirical thrust, and wakes roll up within a diameter. So this compares what two
-# theories make of it. Up to a ratio of 11 the cheap fidelities, in the steps of the environments and at that least
-# speed, are held to the lattice with three turns of wake.
+# At its least speed of 5 rpm in light winds this rotor is heavily loaded (thrust coefficients from 0.9 to 1.3), where
+# momentum theory is an empirical thrust. Up to a ratio of 11 the cheap fidelities, in the steps of the environments and
+# at that least speed, are held to the lattice with three turns of wake.
 
 IEA_RATIOS, IEA_WIND, IEA_TURNS = (8.0, 9.0, 11.0, 13.0, 16.0), 5.0, 12.0
 CHEAP, HIGHEST_RATIO, CHEAP_TOLERANCE = ("training", "engineering"), 11.0, 0.02
@@ -529,8 +474,6 @@ def _run(turbine, options, speed, steps_per_turn):
 
 
 # ---- inboard loads --------------------------------------------------------------------------------------------------
-# Loads of the inner blade of the NREL 5-MW rotor, where lift sets in at the end of a cylindrical root.
-#
 # The published turbine changes from cylinder to airfoil from one blade element to the next, 9.7 m from the axis. A
 # lattice with strips several meters wide must still carry the load that blade-element theory finds behind that step.
 
@@ -560,7 +503,7 @@ def element_force(n_span: int = 600) -> tuple[NDArray[np.float64], NDArray[np.fl
     rotor = BladeElementRotor.of_turbine(turbine)
     result = blade_element(rotor, INBOARD_WIND, INBOARD_RATIO * INBOARD_WIND / rotor.radius, 0.0, n_span)
     edges = rotor.root_radius + np.linspace(0.0, rotor.length, n_span + 1)
-    return edges, result.force[:, 0] / np.cos(rotor.cone)
+    return edges, result.normal
 
 
 def mean_between(edges, force, low, high):

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 
 # ---- panels, steps and wake -----------------------------------------------------------------------------------------
-# Convergence of the rigid NREL 5-MW rotor: span, chord, time step, length of the wake and its closure.
 
 WIND, ROTOR_SPEED = 8.0, 9.15 * np.pi / 30.0
 """[m/s], [rad/s]; pitch 0, tip-speed ratio 7.55."""
@@ -150,8 +149,6 @@ def rigid_helix_length() -> CaseResult:
 
 
 # ---- a converged lattice --------------------------------------------------------------------------------------------
-# Cp and Ct of the rigid NREL 5-MW rotor against tip-speed ratio: a converged lattice, and the fidelities against it.
-#
 # The converged lattice has a free wake with an open end: nothing continues it, merges its rows or leaves them without a
 # new velocity in a step, so that it rests on no model of the far wake. What its length, panels and time step leave is
 # extrapolated. `python -m envs_tests.physics.cases.rotor_convergence` makes the table again.
@@ -219,10 +216,7 @@ def converged(ratio):
 def converged_table():
     """Rows of the table: tip-speed ratio, Cp, Ct and their uncertainties.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the table has not been made.
+    Raises `FileNotFoundError` if the table has not been made.
     """
     if not (DATA / TABLE).exists():
         raise FileNotFoundError(f"{TABLE} is not there; make it: python -m envs_tests.physics.cases.rotor_convergence")
@@ -281,13 +275,6 @@ def settled_rung(rung, ratio, steps_per_turn=None):
     )
 
 
-def steps_in_simulator(rung, ratio):
-    """Steps in a turn at `WIND` with the time step that the coupled simulator has."""
-    turbine = load_turbine("nrel_5mw")
-    step = FIDELITIES[rung].step_for(turbine.drivetrain.rated_rotor_speed)
-    return round(2.0 * np.pi / (ratio * WIND / (0.5 * turbine.rotor_diameter)) / step)
-
-
 @case(
     "power-curve-ladder",
     "Cp and Ct of the rigid NREL 5-MW rotor at the cheap fidelities, tip-speed ratios 5 to 11",
@@ -298,13 +285,17 @@ def power_curve_ladder() -> CaseResult:
     """Coefficients and the place of the largest Cp, with the time step of the simulator at 8 m/s and at rated speed."""
     table = converged_table()
     optimum = vertex(table[:, 0], table[:, 1])
+    turbine = load_turbine("nrel_5mw")
     curves: dict[str, list[Curve]] = {"Cp": [], "Ct": []}
     checks, lines = [], [f"{'':34s}" + "".join(f"{ratio:>16g}" for ratio in table[:, 0])]
     lines.append(f"{'converged lattice':34s}" + "".join(f"{cp:9.4f}{ct:7.3f}" for cp, ct in table[:, 1:3]))
     for rung in RUNGS:
         azimuth = FIDELITIES[rung].aero.azimuth_step_deg
+        step = FIDELITIES[rung].step_for(turbine.drivetrain.rated_rotor_speed)
         for text, in_simulator in ((f"{WIND:g} m/s", True), (f"{azimuth:g} deg a step", False)):
-            steps = [steps_in_simulator(rung, ratio) if in_simulator else None for ratio in table[:, 0]]
+            # in the simulator, the time step is one
+            turn = 2.0 * np.pi / (table[:, 0] * WIND / (0.5 * turbine.rotor_diameter)) / step
+            steps = [round(n) if in_simulator else None for n in turn]
             found = np.array([settled_rung(rung, ratio, n) for ratio, n in zip(table[:, 0], steps, strict=True)])
             for k, name in enumerate(("Cp", "Ct")):
                 checks += [
@@ -328,7 +319,6 @@ def power_curve_ladder() -> CaseResult:
 
 
 # ---- fast pitch -----------------------------------------------------------------------------------------------------
-# Fast pitch: what the rows of the wake that are not computed anew in every step cost when the loads change.
 
 WINDS = {8.0: 7.55, 11.4: 7.0}
 """Wind [m/s] and tip-speed ratio, which is held."""

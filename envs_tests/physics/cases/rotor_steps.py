@@ -39,8 +39,6 @@ from wt_gym.wind.iec import turbulence_sigma
 from wt_gym.wind.kaimal import kaimal_spectrum
 
 # ---- a step of the wind ---------------------------------------------------------------------------------------------
-# A whole-field wind step on the rigid 5-MW rotor: overshoot of thrust and rotor speed, the far wake's memory.
-#
 # The rotor turns with its inertia against a torque that grows with the square of its speed, as below rated power. While
 # it speeds up, the wake keeps the induction of before, and takes half a minute to follow.
 
@@ -101,8 +99,6 @@ def wind_step() -> CaseResult:
 
 
 # ---- a step of the pitch --------------------------------------------------------------------------------------------
-# The Tjæreborg 2-MW turbine as a rigid rotor: the classic measurement of dynamic inflow, a step of the pitch.
-#
 # Three blades of 30.56 m, chord and twist linear along the span, NACA 4412 to 4424 (Øye 1991; Snel & Schepers 1995,
 # ECN-C--94-107). All sections have one polar, linear up to the angles that occur: c_l = 0.105 (α/deg + 4), c_d = 0.01.
 
@@ -238,8 +234,6 @@ def tjaereborg() -> CaseResult:
 
 
 # ---- oscillating wind -----------------------------------------------------------------------------------------------
-# A rotor in wind that oscillates everywhere at once: the lag of its thrust against blade-element theory with memory.
-#
 # A small sum of sines on the mean wind shows all frequencies in one run of the lattice. Beside it stands an independent
 # theory of the same polars: blade elements whose sections lag with Loewy's function and whose induced velocity lags
 # with Øye's filter (`dynamic_inflow`). Both fall below what quasi-steady sections would do, by the same share.
@@ -271,14 +265,8 @@ def gust_response(options: AeroOptions, wind: float, settling: float = 40.0, dur
              frequencies=FREQUENCIES) -> np.ndarray:  # fmt: skip
     """Complex thrust of the lattice by the amplitude of the wind [N s/m] at each frequency.
 
-    Parameters
-    ----------
-    wind : float
-        One of `STATES` [m/s].
-    settling, duration : float
-        Time before the fit and of the fit [s]; the wind oscillates in both.
-    frequencies : ndarray, shape (n,)
-        [Hz].
+    ``wind``: one of `STATES` [m/s]; ``settling``, ``duration``: time before the fit and of the fit [s]; the wind
+    oscillates in both; ``frequencies`` (n,) [Hz].
     """
     speed, pitch = STATES[wind]
     phases = PHASES[: len(frequencies)]
@@ -363,28 +351,17 @@ def rotor_gust() -> CaseResult:
 
 
 # ---- a step that is carried along -----------------------------------------------------------------------------------
-# A step of the wind that is carried downstream: its front overtakes the rings that the rotor has shed.
-#
-# The rows of a wake move with the air about them, which the rotor has slowed; a frozen wind field moves with the mean
-# speed. Behind the front of a faster wind the rows move faster than those ahead of it, so that it drives them together.
-# The wake is stronger there for a while, and the thrust gains less than in a wind that changes everywhere at once.
-#
-# The theory that the lattice is compared with has no blades: rings of a cylinder of the rotor's radius are shed at the
-# rate of the thrust, F = T / (ρ A) (the jump of the pressure head), and carried with the wind and what they induce on
-# each other,
+# Behind the front of a faster wind, carried downstream, the rows of the wake move faster than those ahead of it and
+# drive them together: the thrust gains less than in a wind that changes everywhere at once (measured on a rotor of 1.8
+# m: Berger et al., Wind Energ. Sci. 7 (2022) 1827). The lattice is compared with rings of a cylinder of the rotor's
+# radius that are shed at the rate of the thrust, F = T / (ρ A), and carried with the wind and what they induce on each
+# other,
 #
 #     ∂g/∂t + ∂(c g)/∂z = 0,   c g = F at z = 0,   c = V + v(z, t) + u(z),
 #
 # g the circulation per length, v the change of the wind, u the velocity at the cylinder's own radius (complete elliptic
 # integral, Branlard & Gaunaa, Wind Energ. 18 (2015)). The disc feels the mean over its area of what the rings induce
-# (the mutual inductance of two rings, Maxwell), and the thrust follows wind and induced velocity with the slopes of the
-# blade elements. For a small sinusoidal gust carried with V the solution is
-#
-#     g' = g/(V − c) (exp(−iωz/V) − exp(−iωz/c)) + (F' − g)/c exp(−iωz/c);
-#
-# the first term is missing in a gust that is felt everywhere at once. It was measured on a rotor of 1.8 m in gusts from
-# an active grid, and found with a free wake: the induced velocity amplified, the load less than that of blade elements
-# with Øye's filter (Berger et al., Wind Energ. Sci. 7 (2022) 1827).
+# (the mutual inductance of two rings, Maxwell); the thrust follows wind and induced velocity as in blade elements.
 
 RING_SOURCE = "transport of the rings of a vortex cylinder, own calculation"
 ELEMENTS = "blade elements with Øye's filter, own calculation"
@@ -416,20 +393,9 @@ def disc_mean_of_cells(edges, n_part: int = 40):
 def ring_wake_step(rotor: DynamicRotor, wind: Ramp, speed: float, carried: float, duration: float = 100.0, dt=0.1):
     """Thrust [N] after a step of the wind at constant rotor speed, by transport of rings.
 
-    Parameters
-    ----------
-    rotor : DynamicRotor
-        Gives the thrust before the step and its slopes with wind and induced velocity there.
-    speed : float
-        [rad/s].
-    carried : float
-        Speed with which the change is carried downstream [m/s].
-    duration, dt : float
-        [s].
-
-    Returns
-    -------
-    time, thrust : ndarray, shape (n,)
+    ``rotor``: gives the thrust before the step and its slopes with wind and induced velocity there; ``speed`` [rad/s];
+    ``carried``: speed with which the change is carried downstream [m/s]; ``duration``, ``dt`` [s]. Returns ``time``,
+    ``thrust`` (n,).
     """
     radius, density = rotor.rotor.radius, rotor.rotor.air_density
     before, induced, small = wind.before, rotor.equilibrium(wind.before, speed, 0.0), 0.01
@@ -510,8 +476,6 @@ def carried_gust(names=("training", "engineering", "8 turns, open")) -> CaseResu
 
 
 # ---- the tower before the blades ------------------------------------------------------------------------------------
-# The tower in front of which the blades pass: third harmonic of the thrust against strip theory.
-#
 # The cylinder of the tower disturbs a wind that the rotor has slowed by its induced velocity. Each section of a blade
 # meets that disturbance once a turn; its harmonics add up where they are multiples of the number of blades. Sections
 # answer with Loewy's function, since all blades do the same a passing time apart (`dynamic_inflow`), and the induced

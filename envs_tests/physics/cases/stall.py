@@ -11,21 +11,20 @@ from scipy.optimize import brentq
 
 from envs_tests.physics.cases.airfoils import UniformStream, WingFlow, exact_lift, two_dimensional_planform
 from envs_tests.physics.cases.rotor import RigidRotor
+from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import DATA, CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.aerodynamics import AeroOptions, build_planform, span_distribution
 from wt_gym.aerodynamics.lattice.planform import separation_tables
 from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import RotationalAugmentation
 from wt_gym.turbines.airfoil import Polar, blend_polars
-from wt_gym.turbines.blade_element import BladeElementRotor, blade_element
+from wt_gym.turbines.blade_element import BladeElementRotor
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
 # ---- NREL UAE Phase VI ----------------------------------------------------------------------------------------------
-# The NREL Unsteady Aerodynamics Experiment, Phase VI: a stiff two-bladed rotor of 10 m diameter in a wind tunnel.
-#
 # At 7 m/s the flow is attached over most of the blade, so that lifting-surface theory with the polars of its S809
 # airfoil should give the measured torque; from 10 m/s on the rotor stalls and becomes a test of stall delayed by
 # rotation.
@@ -63,15 +62,10 @@ ASPECT_RATIO = 11.0
 class PhaseSixBlade:
     """Planform, camber and polars of the blade; positions are distances from its root [m].
 
-    Parameters
-    ----------
-    polars : str
-        "model": with stall delay along the span, from the certification model; "measured": one two-dimensional polar,
-        continued by Viterna's method up to 90 degrees and beyond by the certification model's outermost one.
-    augmentation : str, optional
-        Model of the delay of stall by rotation, for two-dimensional polars, at the tip-speed ratio of ``wind``.
-    wind : float, optional
-        [m/s].
+    ``polars``: "model": with stall delay along the span, from the certification model; "measured": one two-dimensional
+    polar, continued by Viterna's method up to 90 degrees and beyond by the certification model's outermost one;
+    ``augmentation``: model of the delay of stall by rotation, for two-dimensional polars, at the tip-speed ratio of
+    ``wind``; ``wind`` [m/s].
     """
 
     def __init__(self, polars: str = "model", augmentation: str | None = None, wind: float = 7.0):
@@ -292,8 +286,6 @@ def uae_phase_vi_stall() -> CaseResult:
 
 
 # ---- dynamic stall --------------------------------------------------------------------------------------------------
-# Dynamic stall of the S809 airfoil that pitches far: Øye's model alone, with a shed wake, and in the lattice.
-#
 # Chord and speed are 1, so that the reduced frequency is k = ω / 2. The airfoil pitches about its quarter chord.
 
 OYE_SOURCE = "Øye 1991; Hansen, Gaunaa & Madsen 2004, Risø-R-1354; polar: Ramsay et al. 1995, NREL/TP-442-7817"
@@ -416,14 +408,8 @@ def lattice_loop(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Angle [deg] and lift coefficient of the vortex lattice over the last period, (n + 1,) each.
 
-    Parameters
-    ----------
-    polar : ndarray, shape (n_alpha, 3), optional
-        Of the section; a flat plate's if not given.
-    n_chord : int
-        Panels along the chord; a step is one panel.
-    **options
-        `AeroOptions`.
+    ``polar`` (n_alpha, 3) of the section; a flat plate's if not given; ``n_chord``: panels along the chord; a step is
+    one panel; ``options``: `AeroOptions`.
     """
     dt, n = motion.steps(1.0 / n_chord)
     start, n_steps = round((periods % 1.0) * n), round(periods * n)

@@ -1,7 +1,8 @@
-"""Tools for multibody trees: static balance, frequencies of small motions, points on cut beams, data tables."""
+"""Tools for cases: static balance and small motions of multibody trees, cut beams, data tables, blade elements."""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from wt_gym.base.errors import WtGymError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.substructure import sub_body_at
+from wt_gym.turbines.blade_element import BladeElements
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from wt_gym.multibody.arrays import Inputs, Work
     from wt_gym.multibody.system import MultibodySystem
     from wt_gym.structure.substructure import SubBody
+    from wt_gym.turbines.blade_element import BladeElementRotor
 
 
 class NoBalance(WtGymError, ValueError):
@@ -25,30 +28,16 @@ class NoBalance(WtGymError, ValueError):
 
 
 def rate_jacobian(
-    system: MultibodySystem,
-    y: NDArray[np.float64],
-    inputs: Inputs | None = None,
-    step: float | NDArray[np.float64] = 1e-6,
+    system: MultibodySystem, y: NDArray[np.float64], step: float | NDArray[np.float64] = 1e-6
 ) -> NDArray[np.float64]:
-    """∂(u̇)/∂(q, u) by central differences.
+    """∂(u̇)/∂(q, u), shape (n_u, 2 n_u), at a state (n_state,) by central differences of size ``step``, (n_u,) or one.
 
-    Parameters
-    ----------
-    system : MultibodySystem
-        Without quaternion coordinates, so that q and u have the same meaning one by one.
-    y : array (n_state,)
-    inputs : Inputs, optional
-    step : float or array (n_u,)
-        Difference in each coordinate.
-
-    Returns
-    -------
-    array (n_u, 2 n_u)
+    Without quaternions, so that q and u have the same meaning one by one.
     """
     n = system.n_u
     if system.n_q != n:
         raise NoBalance(f"{system.n_q} coordinates for {n} velocities: systems with quaternions have no such Jacobian")
-    inputs, work = inputs or system.new_inputs(), system.new_work()
+    inputs, work = system.new_inputs(), system.new_work()
     step = np.broadcast_to(step, (n,))
     out = np.zeros((n, 2 * n))
     for k in range(2 * n):
@@ -60,29 +49,18 @@ def rate_jacobian(
     return out
 
 
-def frequencies(
-    system: MultibodySystem,
-    y: NDArray[np.float64],
-    inputs: Inputs | None = None,
-    step: float | NDArray[np.float64] = 1e-6,
-    locked: Sequence[int] = (),
-) -> NDArray[np.float64]:
-    """Circular natural frequencies [rad/s], ascending, of small motions about the steady state y.
-
-    ``locked`` names velocities that are held: the accelerations of the free ones then follow from the reduced mass
-    matrix, M_ff u̇_f = f_f, which equals striking rows and columns from the inverse problem.
-    """
-    n = system.n_u
-    jacobian: np.ndarray = rate_jacobian(system, y, inputs, step)
-    free = [i for i in range(n) if i not in set(locked)]
-    if len(free) < n:
-        mass = mass_matrix(system, y)
-        force = mass @ jacobian  # ∂f/∂(q, u) where u̇ = 0
-        both = [*free, *(n + i for i in free)]
-        jacobian = np.linalg.solve(mass[np.ix_(free, free)], force[np.ix_(free, both)])
-    m = len(free)
-    a = np.block([[np.zeros((m, m)), np.eye(m)], [jacobian]])
+def eigenfrequencies(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Circular frequencies [rad/s], ascending, of q̈ = J (q, q̇) with the Jacobian J (n, 2 n)."""
+    n = len(jacobian)
+    a = np.block([[np.zeros((n, n)), np.eye(n)], [jacobian]])
     return np.sort(np.abs(np.linalg.eigvals(a).imag))[::2]
+
+
+def frequencies(
+    system: MultibodySystem, y: NDArray[np.float64], step: float | NDArray[np.float64] = 1e-6
+) -> NDArray[np.float64]:
+    """Circular natural frequencies [rad/s], ascending, of small motions about the steady state y."""
+    return eigenfrequencies(rate_jacobian(system, y, step))
 
 
 def mass_matrix(system: MultibodySystem, y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -100,69 +78,43 @@ def static_balance(
     y: NDArray[np.float64],
     set_loads: Callable[[NDArray[np.float64], Inputs, Work], None] | None = None,
     *,
-    locked: Sequence[int] = (),
-    iterations: int = 40,
     tolerance: float = 1e-10,
     step: float = 1e-6,
 ) -> NDArray[np.float64]:
-    """Newton's method for a state of rest whose accelerations vanish.
+    """State (n_state,) of rest whose accelerations vanish, by Newton's method from the state y; its rates stay.
 
-    Parameters
-    ----------
-    system : MultibodySystem
-        Without quaternion coordinates.
-    y : array (n_state,)
-        Start; the rates in it stay as they are.
-    set_loads : callable, optional
-        ``set_loads(y, inputs, work)`` writes the loads for the state y; kinematics of y are up to date in ``work``.
-    locked : sequence of int
-        Coordinates that keep their value.
-    iterations, tolerance
-        Newton stops when the largest change of a coordinate is below the tolerance times the largest coordinate.
-    step : float
-        Difference for the Jacobian.
-
-    Returns
-    -------
-    array (n_state,)
-        The balanced state.
-
-    Raises
-    ------
-    NoBalance
-        When Newton's method does not settle.
+    ``set_loads(y, inputs, work)`` writes the loads for the state y, whose kinematics are up to date in ``work``. It
+    ends when the largest change of a coordinate is below the tolerance times the largest coordinate, or raises
+    `NoBalance`; ``step`` is the difference for the Jacobian. Without quaternions.
     """
     n = system.n_u
     inputs, work = system.new_inputs(), system.new_work()
     y = np.array(y, dtype=float)
-    free = np.array([i for i in range(n) if i not in set(locked)])
 
     def forces(state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Generalized forces of the free coordinates: applied, elastic and of gravity (inertia is absent at rest)."""
+        """Generalized forces: applied, elastic and of gravity (inertia is absent at rest)."""
         tree_kernels.kinematics(state, system.tree, work)
         inputs.body_loads[:] = 0.0
         if set_loads is not None:
             set_loads(state, inputs, work)
         tree_kernels.assemble(state, inputs.body_loads[0], system.tree, work)
         spring = system.tree.dof_stiffness * (inputs.reference[0] - state[:n])
-        return (work.force + inputs.dof_force[0] + spring)[free]
+        return work.force + inputs.dof_force[0] + spring
 
-    jacobian = np.zeros((len(free), len(free)))
-    for _ in range(iterations):
+    jacobian = np.zeros((n, n))
+    for _ in range(40):
         residual = forces(y)
-        for column, k in enumerate(free):
+        for k in range(n):
             shifted = y.copy()
             shifted[k] += step
-            jacobian[:, column] = (forces(shifted) - residual) / step
+            jacobian[:, k] = (forces(shifted) - residual) / step
         change = np.linalg.solve(jacobian, -residual)
-        y[free] += change
+        y[:n] += change
         if not np.all(np.isfinite(y)):
             break
-        if np.abs(change).max() < tolerance * max(1.0, np.abs(y[free]).max()):
+        if np.abs(change).max() < tolerance * max(1.0, np.abs(y[:n]).max()):
             return y
-    raise NoBalance(
-        f"Newton's method did not settle in {iterations} iterations (last change {np.abs(change).max():.2e})"
-    )
+    raise NoBalance(f"Newton's method did not settle in 40 iterations (last change {np.abs(change).max():.2e})")
 
 
 def body_pose(
@@ -182,16 +134,16 @@ def upward_crossings(x: ArrayLike, step: float) -> NDArray[np.float64]:
     return crossing
 
 
+def crossing_frequency(x: ArrayLike, step: float) -> float:
+    """Circular frequency [rad/s] of a series about zero with samples every ``step``, from its upward crossings."""
+    crossing = upward_crossings(x, step)
+    return float(2.0 * np.pi * (len(crossing) - 1) / (crossing[-1] - crossing[0]))
+
+
 class ChainPoints:
     """Points on the axis of a beam cut into bodies: where they are, and dead forces on them.
 
-    Parameters
-    ----------
-    sub_bodies : sequence of SubBody
-    bodies : sequence of int
-        Body index of each piece.
-    stations : array (n,)
-        Arc lengths of the points on the whole beam [m].
+    ``bodies``: body index of each piece; ``stations`` (n,): arc lengths of the points on the whole beam [m].
     """
 
     def __init__(
@@ -230,3 +182,15 @@ class ChainPoints:
             inputs.body_loads[:, body, :3] += own.sum(axis=0)
             inputs.body_loads[:, body, 3:6] += np.cross(local, own).sum(axis=0)
             inputs.body_loads[:, body, 6 : 6 + len(q)] += np.einsum("pi,pik->k", own, linear + second @ q)
+
+
+def blade_element(
+    rotor: BladeElementRotor, wind: float, rotor_speed: float, pitch: float = 0.0, n_span: int = 60
+) -> SimpleNamespace:
+    """One point [m/s], [rad/s], [rad] of `BladeElements`: ``power`` [W], ``thrust`` [N], ``cp`` and ``ct``.
+
+    Of its sections (n_span,) it has ``axial`` and ``tangential`` induction and ``normal`` forces per length [N/m].
+    """
+    solved = {name: values[0] for name, values in BladeElements(rotor, n_span).solve(wind, rotor_speed, pitch).items()}
+    reference = 0.5 * rotor.air_density * np.pi * rotor.radius**2 * wind**2
+    return SimpleNamespace(**solved, cp=solved["power"] / (reference * wind), ct=solved["thrust"] / reference)

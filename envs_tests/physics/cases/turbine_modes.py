@@ -26,18 +26,10 @@ if TYPE_CHECKING:
 
 
 # ---- parked frequencies ---------------------------------------------------------------------------------------------
-# Natural frequencies of the parked NREL 5-MW turbine: which assumption each published column needs.
-#
-# The published frequencies (generator locked, rotor at rest, pitch 0, no air, gravity on) come from two programs.
-#
-# * FAST describes the tower by four *given* polynomials, two fore-aft and two side-side. The first fore-aft polynomial
-#   is not the shape in which this tower vibrates with its tower-top mass: by Rayleigh's principle its frequency is too
-#   high, by 3.4 %. FAST has no tower torsion; the yaw drive is a spring.
-# * ADAMS has elements with torsion in the tower, which lowers the modes in which the rotor turns about the vertical.
-#
-# Both sets of assumptions are options of a `Fidelity`; the frequencies are those of ``Simulator.linearize``. `AS_FAST`
-# takes FAST's tower polynomials, no torsion, and the yaw spring; `AS_ADAMS` takes finite-element modes with the true
-# tower-top inertia, tower torsion and the yaw spring. Both are otherwise the catalogue's turbine.
+# The published frequencies (generator locked, rotor at rest, pitch 0, no air, gravity on) come from two programs. FAST
+# describes the tower by four *given* polynomials, which raises its first fore-aft frequency by 3.4 %, without torsion;
+# ADAMS has elements with torsion in the tower. Both have a yaw spring; both sets of assumptions are options of a
+# `Fidelity`.
 
 JONKMAN = "Jonkman, Butterfield, Musial & Scott 2009, NREL/TP-500-38060, Table 9-1"
 AS_FAST = Fidelity(
@@ -64,33 +56,27 @@ class PublishedMode:
     shape: dict[str, float]
 
 
+PAIR, SINGLE, ALL = (0.0, 1.0, -1.0), (1.0, -0.5, -0.5), (1.0, 1.0, 1.0)
+"""Shares of the three blades in an asymmetric mode about the yaw and the tilt axis, and in a collective mode."""
+
+
+def of_blades(kind, shares):
+    """Shape of the blades that move in one mode with these shares."""
+    return {f"blade_{i}_{kind}": share for i, share in enumerate(shares, 1) if share}
+
+
 PUBLISHED = (
     PublishedMode("tower fore-aft 1", 0.3240, 0.3195, {"fore_aft_1": 1.0}),
     PublishedMode("tower side-side 1", 0.3120, 0.3164, {"side_side_1": 1.0}),
     PublishedMode("drivetrain torsion", 0.6205, 0.6094, {"shaft_torsion": 1.0}),
-    PublishedMode("flap 1, asymmetric (yaw)", 0.6664, 0.6296, {"blade_2_flap_1": 1.0, "blade_3_flap_1": -1.0}),
-    PublishedMode(
-        "flap 1, asymmetric (pitch)",
-        0.6675,
-        0.6686,
-        {"blade_1_flap_1": 1.0, "blade_2_flap_1": -0.5, "blade_3_flap_1": -0.5},
-    ),
-    PublishedMode("flap 1, collective", 0.6993, 0.7019, {f"blade_{i}_flap_1": 1.0 for i in (1, 2, 3)}),
-    PublishedMode("edge 1, asymmetric (pitch)", 1.0793, 1.0740, {"blade_2_edge_1": 1.0, "blade_3_edge_1": -1.0}),
-    PublishedMode(
-        "edge 1, asymmetric (yaw)",
-        1.0898,
-        1.0877,
-        {"blade_1_edge_1": 1.0, "blade_2_edge_1": -0.5, "blade_3_edge_1": -0.5},
-    ),
-    PublishedMode("flap 2, asymmetric (yaw)", 1.9337, 1.6507, {"blade_2_flap_2": 1.0, "blade_3_flap_2": -1.0}),
-    PublishedMode(
-        "flap 2, asymmetric (pitch)",
-        1.9223,
-        1.8558,
-        {"blade_1_flap_2": 1.0, "blade_2_flap_2": -0.5, "blade_3_flap_2": -0.5},
-    ),
-    PublishedMode("flap 2, collective", 2.0205, 1.9601, {f"blade_{i}_flap_2": 1.0 for i in (1, 2, 3)}),
+    PublishedMode("flap 1, asymmetric (yaw)", 0.6664, 0.6296, of_blades("flap_1", PAIR)),
+    PublishedMode("flap 1, asymmetric (pitch)", 0.6675, 0.6686, of_blades("flap_1", SINGLE)),
+    PublishedMode("flap 1, collective", 0.6993, 0.7019, of_blades("flap_1", ALL)),
+    PublishedMode("edge 1, asymmetric (pitch)", 1.0793, 1.0740, of_blades("edge_1", PAIR)),
+    PublishedMode("edge 1, asymmetric (yaw)", 1.0898, 1.0877, of_blades("edge_1", SINGLE)),
+    PublishedMode("flap 2, asymmetric (yaw)", 1.9337, 1.6507, of_blades("flap_2", PAIR)),
+    PublishedMode("flap 2, asymmetric (pitch)", 1.9223, 1.8558, of_blades("flap_2", SINGLE)),
+    PublishedMode("flap 2, collective", 2.0205, 1.9601, of_blades("flap_2", ALL)),
     PublishedMode("tower fore-aft 2", 2.9003, 2.8590, {"fore_aft_2": 1.0}),
     PublishedMode("tower side-side 2", 2.9361, 2.9408, {"side_side_2": 1.0}),
 )
@@ -102,15 +88,8 @@ def parked_modes(fidelity, gravity=True):
     A mode is recognized by the modal assurance criterion with the mass matrix, (pᵀ M φ)² / (pᵀ M p)(φᵀ M φ) with the
     pattern p: a coordinate counts with all that it carries along. Each mode is used once.
 
-    Parameters
-    ----------
-    gravity : bool
-        Without it the structure is weightless.
-
-    Returns
-    -------
-    dict of str to Mode
-        None where the fidelity has no coordinate of the mode.
+    ``gravity``: without it the structure is weightless. Returns dict of None where the fidelity has no coordinate of
+    the mode.
     """
     simulator = Simulator("nrel_5mw", SteadyInflow(10.0), fidelity)
     system = simulator.structure.system
@@ -190,8 +169,6 @@ def parked_nrel_5mw() -> CaseResult:
 
 
 # ---- damping --------------------------------------------------------------------------------------------------------
-# Structural damping of the assembled turbine: published ratios belong to each body alone.
-#
 # A ratio ζ of a body that vibrates alone with f_alone is a damper with the coefficient 2 ζ k/ω_alone. Under a load the
 # same shape vibrates more slowly, and the same damper makes a ratio of ζ f/f_alone: a tower of 1 % keeps about a third
 # of it under rotor and nacelle. Everything here is read from linear models of the parked turbine without air.
@@ -215,12 +192,6 @@ def tower_alone(turbine):
     own = clamped_modes(tower_beam(turbine.tower, 24), 1, node_dofs=(0, 4)).frequency[0]
     tower = Simulator(turbine, SteadyInflow(10.0)).structure.system.bodies[0]
     return own, np.sqrt(tower.stiffness[0, 0] / tower.inertia.m0[0, 0]) / (2.0 * np.pi)
-
-
-def blade_damping(turbine):
-    """Damping ratios of all blade modes on a rigid support: those of the blade alone."""
-    rigid = Fidelity("rigid support", tower_coordinates="rigid", stiffest_shaft=0.0, blade_modes=(4, 3, 1))
-    return np.array([mode.damping for mode in parked_model(turbine, rigid).modes()])
 
 
 def drivetrain_mode(turbine):
@@ -253,7 +224,8 @@ def structural_damping() -> CaseResult:
             f"{name}: the tower alone has {own:.4f} Hz, the shape it takes under its rotor {shape:.4f} Hz (Rayleigh); "
             "ElastoDyn's ratios refer to the latter. What is missing to the expected ratio sits in the blades."
         )
-        blades = 100.0 * blade_damping(turbine)
+        rigid = Fidelity("rigid support", tower_coordinates="rigid", stiffest_shaft=0.0, blade_modes=(4, 3, 1))
+        blades = 100.0 * np.array([mode.damping for mode in parked_model(turbine, rigid).modes()])
         for which, value in (("least", blades.min()), ("most", blades.max())):
             quantity = f"{name}: {which} damped of {len(blades)} blade modes on a rigid support"
             checks.append(Check(quantity, 100.0 * BLADES[name], value, 0.01, "%"))
@@ -265,8 +237,6 @@ def structural_damping() -> CaseResult:
 
 
 # ---- monopiles ------------------------------------------------------------------------------------------------------
-# Turbines on monopiles: published frequencies of the clamped pile, the shift by a soft foundation, a pile in soil.
-#
 # The monopile belongs to the tower's beam. A turbine on it is parked and trimmed under its weight; its modes are those
 # of the multibody system, with flexible blades. Modes published for a rigid rotor and nacelle on the beam are compared
 # with those of the beam that carries their mass matrix.
@@ -337,7 +307,6 @@ def monopile() -> CaseResult:
 
 
 # ---- linear models --------------------------------------------------------------------------------------------------
-# Linear models of the turbine: exact properties, and their forecast of the non-linear simulation.
 
 RPM = np.pi / 30.0
 
@@ -393,36 +362,27 @@ def whirl() -> CaseResult:
     return CaseResult(checks, {"Whirl": Figure(curves, "rotor speed [rpm]", "frequency [Hz]")})
 
 
-def free_vibration(simulator, rotor_speed, amplitude=1e-3, duration=3.0, interval=0.05, substeps=20, seed=0):
-    """Small vibration about the steady state: by the non-linear equations and by the linear model.
+def free_vibration(simulator, rotor_speed, interval=0.05):
+    """Deviations (n_times, n_state) of the state from the steady one, by the non-linear equations and the linear model.
 
-    The model is in multi-blade coordinates at the first azimuth; for an isotropic rotor it holds at all times.
-
-    Parameters
-    ----------
-    amplitude : float
-        Displacement of the rotor's points by each coordinate at the start [m], random in size.
-
-    Returns
-    -------
-    tuple of array (n_times, n_state)
-        Deviations of the state, non-linear and linear.
+    The model is in multi-blade coordinates at the first azimuth; for an isotropic rotor it holds at all times. At the
+    start each coordinate displaces the rotor's points by some 0.1 mm.
     """
     model = linearize(simulator, rotor_speed=rotor_speed, aerodynamics="none", multiblade=True, n_azimuths=1)
     point = cast("SteadyPoint", model.operating_point)
     plant, system = FrozenPlant(simulator, simulator.inflow, "none"), simulator.structure.system
     plant.set_commands(point.generator_torque, point.yaw, point.pitch)
     start = np.zeros(system.n_state)
-    start[: system.n_u] = amplitude * np.random.default_rng(seed).standard_normal(system.n_u) / plant.reach
+    start[: system.n_u] = 1e-4 * np.random.default_rng(0).standard_normal(system.n_u) / plant.reach
 
     def run(y):
-        integrator = make_integrator("hamming", system, interval / substeps)
+        integrator = make_integrator("hamming", system, interval / 20)
         for array, values in zip(integrator.inputs, plant.inputs, strict=True):
             array[:] = values
         integrator.start(y)
         out = [y.copy()]
-        for _ in range(round(duration / interval)):
-            integrator.advance(substeps)
+        for _ in range(round(3.0 / interval)):
+            integrator.advance(20)
             out.append(integrator.state.copy())
         return np.array(out)
 
@@ -451,7 +411,7 @@ def vibration() -> CaseResult:
         ("12.1 rpm, weightless", weightless_simulator(), 12.1 * RPM),
     )
     for label, simulator, speed in cases:
-        exact, linear = free_vibration(simulator, speed, amplitude=1e-4)
+        exact, linear = free_vibration(simulator, speed)
         n = simulator.structure.system.n_u
         error = np.abs(exact - linear)[:, :n].max(axis=0) / np.abs(exact)[:, :n].max(axis=0)
         names = simulator.structure.system.state_names
@@ -477,16 +437,13 @@ TOLERANCES = {
 }
 
 
-def step_responses(wind=18.0, pitch_deg=14.92, rpm=12.1, settle=60.0, duration=6.0):
+def step_responses(settle, wind=18.0, duration=6.0):
     """Deviations after small steps from a settled run of the simulator, and what the linear model says.
 
-    Yields
-    ------
-    tuple
-        Name of the step, times [s], and {channel: (non-linear, linear)}; blade channels are means over the blades.
+    Yields name of the step, times [s], and {channel: (non-linear, linear)}; blade channels are means over the blades.
     """
     simulator = Simulator("nrel_5mw", inflow=SteadyInflow(wind))
-    speed, pitch = rpm * RPM, np.radians(pitch_deg)
+    speed, pitch = 12.1 * RPM, np.radians(14.92)
     signals = simulator.reset(rotor_speed=speed, pitch=pitch)
     torque = signals.generator_torque
     for _ in range(round(settle / 0.2)):
@@ -529,7 +486,7 @@ def step_responses(wind=18.0, pitch_deg=14.92, rpm=12.1, settle=60.0, duration=6
 def forecast(settle=60.0) -> CaseResult:
     """Largest difference over 6 s, relative to the largest response; the induction of the wake changes in about 7 s."""
     checks, figures = [], {}
-    for label, time, pairs in step_responses(settle=settle):
+    for label, time, pairs in step_responses(settle):
         for name, (exact, linear) in pairs.items():
             error = float(np.abs(exact - linear).max() / np.abs(exact).max())
             checks.append(Check(f"{label}: {name}", f"<= {TOLERANCES[name]}", error))

@@ -30,8 +30,6 @@ from wt_gym.simulation.models import TOWARDS_ENDS, TOWARDS_TIP
 from wt_gym.turbines import load_turbine
 
 # ---- wings ----------------------------------------------------------------------------------------------------------
-# Finite wings with the vortex lattice: lift slopes, induced drag, sudden acceleration, conservation of circulation.
-#
 # Every wing is a half wing mirrored in the plane of symmetry z = 0, in a stream of speed and density one.
 
 RECTANGULAR = {4.0: (3.6120, 0.3152), 6.0: (4.2146, 0.3678), 8.0: (4.5861, 0.4002), 12.0: (5.0217, 0.4382),
@@ -149,10 +147,7 @@ ACCELERATION_SOURCE = "Katz & Plotkin, Low-Speed Aerodynamics, Figs 13.34-13.38"
 def sudden_acceleration(aspect: float, alpha: float = SMALL, n_chord: int = 6, chords: float = 30.0, **options):
     """Lift coefficient of a rectangular wing after it has been set in motion at once, scaled from ``alpha`` to 5°.
 
-    Returns
-    -------
-    travel : ndarray
-        In semi-chords, from the middle of the first step, over which the lattice spreads the start.
+    Returns ``travel``: in semi-chords, from the middle of the first step, over which the lattice spreads the start.
     """
     n_strip = round(1.25 * aspect)
     n_steps = round(chords * n_chord)
@@ -302,8 +297,6 @@ def vortex_conservation() -> CaseResult:
 
 
 # ---- other methods than the lattice ---------------------------------------------------------------------------------
-# Wings and rotors in potential flow by other methods than the lattice: what its strips at the tip are compared with.
-#
 # All circulations are linear: they stand for unit angle of attack, or for unit angle against the helices of the wake.
 
 
@@ -336,19 +329,8 @@ def lifting_surface(
     Cosines along span and chord integrate the square-root singularities of tips and leading edge (C. E. Lan,
     J. Aircraft 11 (1974) 518); horseshoe vortices with straight wakes.
 
-    Parameters
-    ----------
-    half_span : float
-        [m].
-    chord : callable
-        Chord at places along the span, symmetric [m].
-    n_span, n_chord : int
-        Strips of one half and vortices along the chord.
-
-    Returns
-    -------
-    callable
-        Circulation at places along the span [m²/s].
+    ``half_span`` [m]; ``chord``: chord at places along the span, symmetric [m]; ``n_span``, ``n_chord``: strips of one
+    half and vortices along the chord. Returns circulation at places along the span [m²/s].
     """
     edges, stations = _semicircles(-half_span, half_span, 2 * n_span)
     k = np.arange(1, n_chord + 1)
@@ -398,14 +380,8 @@ def helix_induction(radius, helix: float, pitch: float, n_blades: int):
     J. W. Wrench, The calculation of propeller induction factors, David Taylor Model Basin report 1116 (1957); closed
     formulas in place of Kapteyn series, right within 1e-4.
 
-    Parameters
-    ----------
-    radius : ndarray
-        Points on the blades [m].
-    helix : float
-        Radius of the helices [m].
-    pitch : float
-        Advance of the helices over their angle [m/rad].
+    ``radius``: points on the blades [m]; ``helix``: radius of the helices [m]; ``pitch``: advance of the helices over
+    their angle [m/rad].
     """
     y0, y = helix / pitch, radius / pitch
     root0, root = np.sqrt(1.0 + y0**2), np.sqrt(1.0 + y**2)
@@ -448,8 +424,6 @@ def optimum_circulation(root: float, pitch: float, n_blades: int, n: int = 80) -
 
 
 # ---- strips at tips -------------------------------------------------------------------------------------------------
-# Loads of single strips at tips of wings and rotors, with the panels of the fidelities, against exact and fine ones.
-#
 # Totals hide what happens at a tip. Here every strip outboard of 0.85 of the span is compared at its middle. Wakes are
 # prescribed, so that nothing but the lattice and its planform counts.
 
@@ -549,12 +523,7 @@ def _strip_checks(name, place, error, source):
 class HelicalFlow:
     """Blades in steady flow before a wake of undisturbed helices, of the first blade.
 
-    Attributes
-    ----------
-    circulation, alpha, speed : ndarray, shape (n_span,)
-        [m²/s], [rad], [m/s].
-    power, thrust : float
-        Of all blades [W], [N].
+    ``circulation``, ``alpha``, ``speed`` (n_span,) [m²/s], [rad], [m/s]; ``power``, ``thrust`` of all blades [W], [N].
     """
 
     circulation: np.ndarray
@@ -592,14 +561,9 @@ def helical_flow(rotor: RigidRotor, options, wind, rotor_speed, drift, turns=8, 
 def blade_strips(edges, n_chord, chord, angle: Callable[..., Any] | None = None, steepness=1.0):
     """Circulation (n_span,) over a small angle of blades of one chord and radius one, twisted like undisturbed helices.
 
-    Parameters
-    ----------
-    edges : ndarray, shape (n_span + 1,)
-    angle : callable, optional
-        Angle against the helices along the span; by default one, given by the blades' pitch. If given, by the
-        polars of the strips, since the twist of a strip is the mean of its edges.
-    steepness : float
-        Lift slope over 2π where ``angle`` is given: blades narrow as a lifting line that induce as much as wide ones.
+    ``edges`` (n_span + 1,); ``angle``: angle against the helices along the span; by default one, given by the blades'
+    pitch. If given, by the polars of the strips, since the twist of a strip is the mean of its edges; ``steepness``:
+    lift slope over 2π where ``angle`` is given: blades narrow as a lifting line that induce as much as wide ones.
     """
     return 0.5 * sum(sign * _turned_blades(edges, n_chord, chord, sign * SMALL, angle, steepness) / SMALL
                      for sign in (1.0, -1.0))  # fmt: skip

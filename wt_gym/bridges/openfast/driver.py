@@ -5,8 +5,6 @@ The turbine stands beside a run as a whole JSON file, so that outputs can be rea
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import math
 import subprocess
 from pathlib import Path
@@ -26,11 +24,10 @@ from wt_gym.bridges.openfast.measurement import (
     servodyn_outputs,
 )
 from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
-from wt_gym.bridges.openfast.run_folder import BentTurbine, DriverRun, ServedController, prepare_run
+from wt_gym.bridges.openfast.run_folder import BentTurbine, RunTimes, ServedController, prepare_run
 from wt_gym.control.operating_point import starting_point
 from wt_gym.simulation.channels import channel_table
 from wt_gym.turbines import Turbine
-from wt_gym.turbines import model as turbine_model
 from wt_gym.turbines.openfast_text import InputFile
 
 if TYPE_CHECKING:
@@ -39,8 +36,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from wt_gym.wind import Inflow
-
-__all__ = ["TURBINE_FILE", "read_outputs", "read_turbine", "run_driver", "write_driver_run", "write_turbine"]
 
 _LAST_WORDS = 600
 """Characters of the driver's output that a message shows."""
@@ -110,8 +105,7 @@ def write_driver_run(
     start = BentTurbine(turbine).start(inflow, speed, np.full(turbine.n_blades, pitch), azimuth, 0.0)
     written = write_model(turbine, folder) if own is None else own
     primary = prepare_run(
-        written, folder, turbine, inflow, start, step, duration, controller, changes or {},
-        DriverRun(duration, interval),
+        written, folder, turbine, inflow, start, RunTimes(step, duration, interval), controller, changes or {}
     )  # fmt: skip
     if own is None:
         (folder / PRIMARY).unlink()  # model.fst takes its place
@@ -196,43 +190,16 @@ def read_outputs(path: str | Path, turbine: Turbine, every: int = 1) -> xr.Datas
 
 TURBINE_FILE = "turbine.json"
 """Name of the file beside a primary file that is written here."""
-_RECORDS = {name: kind for name, kind in vars(turbine_model).items() if isinstance(kind, type)}
 
 
 def write_turbine(turbine: Turbine, path: Path) -> None:
     """Write a turbine; `read_turbine` gives the same one, to the last bit."""
-    write_text_whole(path, json.dumps(_plain(turbine)) + "\n")
+    write_text_whole(path, turbine.to_json() + "\n")
 
 
 def read_turbine(path: Path) -> Turbine:
     """Read a turbine that `write_turbine` has written."""
     try:
-        found = _made(json.loads(path.read_text(encoding="utf-8")))
-        if not isinstance(found, Turbine):
-            raise TypeError(f"it holds a {type(found).__name__}")
-    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as error:
-        raise TurbineDefinitionError(
-            f"{path} must be the file of a turbine that was written here: {error!r}"
-        ) from error
-    return found
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value):
-        fields = {item.name: _plain(getattr(value, item.name)) for item in dataclasses.fields(value) if item.init}
-        return {"record": type(value).__name__, "fields": fields}
-    if isinstance(value, np.ndarray):
-        return {"array": value.tolist(), "type": value.dtype.name}
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _made(value: Any) -> Any:
-    if isinstance(value, list):
-        return tuple(_made(item) for item in value)
-    if not isinstance(value, dict):
-        return value
-    if "array" in value:
-        return np.array(value["array"], dtype=value["type"])
-    return _RECORDS[value["record"]](**{name: _made(item) for name, item in value["fields"].items()})
+        return Turbine.from_json(path.read_text(encoding="utf-8"))
+    except (ValueError, TypeError) as error:
+        raise TurbineDefinitionError(f"{path} must be the file of a turbine that was written here: {error}") from error

@@ -35,10 +35,10 @@ from wt_gym.control.bladed.records import (
     LAST_CALL,
     MAX_BLADES,
     MESSAGE_LENGTH,
-    MOST_LIDAR_POINTS,
     RECORDS,
     STEP,
     channels_read,
+    check_points,
     demand_of,
     lidar_indices,
     new_swap,
@@ -55,8 +55,6 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
 
-__all__ = ["DEFAULT_FUNCTION", "BladedController", "BladedOptions", "Library", "check_library"]
-
 _log = logging.getLogger(__name__)
 
 DEFAULT_FUNCTION = "DISCON"
@@ -68,10 +66,8 @@ def check_library(path: Path, function: str) -> None:
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it is not a library of this machine, or has no such function.
+    FileNotFoundError, ValueError
+        If there is no such file; if it is not a library of this machine, or has no such function.
     """
     if not path.is_file():
         raise FileNotFoundError(f"there is no controller library {path}")
@@ -259,12 +255,8 @@ class BladedController:
 
     Raises
     ------
-    FileNotFoundError
-        If a file does not exist.
-    ValueError
-        If there is no library, or it cannot be loaded.
-    wt_gym.base.errors.ControllerError
-        For a turbine with more than three blades.
+    FileNotFoundError, ValueError, wt_gym.base.errors.ControllerError
+        If a file does not exist; if there is no library, or it cannot be loaded; for more than three blades.
     """
 
     def __init__(
@@ -286,8 +278,10 @@ class BladedController:
         self.function, self.interval = o.function, o.interval
         self.individual_pitch, self.isolated = o.individual_pitch, o.isolated
         check_library(self.library, o.function)
-        self.lidar = _lidar(o.lidar, turbine)
+        self.lidar = (Lidar.for_rotor(turbine.rotor_diameter) if o.lidar is True else o.lidar) or None
         """Lidar that `wt_gym.control.controllers.lidar_of` returns."""
+        if self.lidar is not None:
+            check_points(self.lidar, "on the Bladed interface")
         self.channels = channels_read(turbine.n_blades, self.lidar)
         self._read = np.concatenate([_READ, lidar_indices(self.lidar)])
         self._kept = np.concatenate([self._read, _DEMANDS])  # what is noted of a call
@@ -429,22 +423,3 @@ class BladedController:
                 f"a copy of the controller library {self.library.name} does not repeat its demands: it depends on more "
                 "than its readings, so that neither snapshots nor copies of it are possible"
             )
-
-
-def _lidar(given: Lidar | bool, turbine: Turbine) -> Lidar | None:
-    """The lidar of a library.
-
-    Raises
-    ------
-    ValueError
-        For more points than there are records for.
-    """
-    if given is False:
-        return None
-    lidar = Lidar.for_rotor(turbine.rotor_diameter) if given is True else given
-    if lidar.n_readings > MOST_LIDAR_POINTS:
-        what = "beams over all gates" if lidar.apart else "gates"
-        raise ValueError(
-            f"a lidar on the Bladed interface must have at most {MOST_LIDAR_POINTS} {what}, got {lidar.n_readings}"
-        )
-    return lidar

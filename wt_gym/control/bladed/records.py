@@ -36,12 +36,6 @@ if TYPE_CHECKING:
     from wt_gym.control.sensors import Lidar
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "AZIMUTH", "FIRST_CALL", "LAST_CALL", "LIDAR_SENSOR", "LIDAR_SPEEDS", "MAX_BLADES", "MESSAGE_LENGTH",
-    "MOST_LIDAR_POINTS", "RECORDS", "SIZE", "STEP", "Record", "channels_read", "demand_of", "lidar_indices", "new_swap",
-    "write_demand", "write_lidar", "write_readings", "write_turbine",
-]  # fmt: skip
-
 SIZE = 3500
 """Length of ``avrSWAP``; OpenFAST's extended interface uses records up to 3300."""
 MAX_BLADES = 3
@@ -62,8 +56,8 @@ class Record:
     numbers: tuple[int, ...]  #: from 1; one per blade where the record is given per blade
     unit: str
     given_by: str
-    """One of "simulation", "controller", "turbine", "lidar". Who writes it: the simulation in each call, the
-    controller, the simulation once from the turbine's data, or in each call where the controller has a lidar."""
+    """"simulation" in each call, "controller", "turbine": the simulation once from its data, "lidar": the simulation in
+    each call where the controller has one."""
     meaning: str
 
 
@@ -140,6 +134,13 @@ def lidar_indices(lidar: Lidar | None) -> np.ndarray:
     """Indices of the records of a lidar; none without one."""
     first = LIDAR_SENSOR - 1
     return np.arange(first, first if lidar is None else LIDAR_SPEEDS - 1 + 4 * lidar.n_readings)
+
+
+def check_points(lidar: Lidar, where: str) -> None:
+    """Refuse a lidar with more points than there are records for, with words for where it is read."""
+    if lidar.n_readings > MOST_LIDAR_POINTS:
+        what = "beams over all gates" if lidar.apart else "gates"
+        raise ValueError(f"a lidar {where} must have at most {MOST_LIDAR_POINTS} {what}, got {lidar.n_readings}")
 
 
 def new_swap() -> np.ndarray:

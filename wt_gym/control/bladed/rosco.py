@@ -30,13 +30,8 @@ from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters
-from wt_gym.control.design import same_rotor, slower_than_reference
-from wt_gym.control.operating_point import (
-    operating_point,
-    rotor_inertia,
-    torque_curve,
-    tracks_tip_speed_ratio,
-)
+from wt_gym.control.design import rotor_inertia, same_rotor, slower_than_reference
+from wt_gym.control.operating_point import operating_point, torque_curve, tracks_tip_speed_ratio
 from wt_gym.control.rotor import RotorTable, rotor_of
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.openfast_text import TextFile
@@ -47,11 +42,6 @@ if TYPE_CHECKING:
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "RoscoController", "RoscoOptions", "performance_table", "rosco_library", "start_stop_values", "tuned_input",
-    "value_text", "write_rosco_input",
-]  # fmt: skip
 
 PERFORMANCE_FILE = "Cp_Ct_Cq.txt"
 _PITCH = np.radians(np.arange(-5.0, 41.0, 1.0))
@@ -264,13 +254,7 @@ _TUNED = {
 
 
 def _package() -> Path:
-    """Folder of the package.
-
-    Raises
-    ------
-    wt_gym.base.errors.ControllerError
-        If it is not installed.
-    """
+    """Folder of the package; refused where it is not installed."""
     spec = importlib.util.find_spec("rosco")
     if spec is None or not spec.submodule_search_locations:
         raise ControllerError(
@@ -325,10 +309,8 @@ class RoscoController(BladedController):
 
     Raises
     ------
-    wt_gym.base.errors.ControllerError
-        If the package ``rosco`` is not installed.
-    FileNotFoundError
-        If there is no such input file.
+    wt_gym.base.errors.ControllerError, FileNotFoundError
+        If the package ``rosco`` is not installed; if there is no such input file.
     """
 
     def __init__(self, turbine: Turbine, **parameters: Any) -> None:

@@ -32,15 +32,13 @@ from wt_gym.control.controllers.controller import (
     starting_part,
 )
 from wt_gym.control.controllers.discon import (
-    BaselineController,
     BaselineParameters,
-    BaselineState,
     DisconController,
     nrel_5mw_parameters,
 )
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import retuned_parameters
-from wt_gym.control.controllers.supervisor import STATES, Supervisor, SupervisorParameters, supervisor_of
+from wt_gym.control.controllers.supervisor import STATES, Supervisor, supervisor_of
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
 from wt_gym.control.rotor import RotorTable, rotor_table
 from wt_gym.control.sensors import from_harmonic, to_harmonic
@@ -65,26 +63,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ADDITIONS", "BASES", "COMPILED", "CONTROLLERS", "GUARDS", "STATES", "WRAPPERS", "AboveRated", "Addition",
-    "BaselineController", "BaselineParameters", "BaselineState", "Combined", "Controller", "DisconController",
+    "BaselineParameters", "Combined", "Controller", "DisconController",
     "FadeParameters", "FaultSupervisor", "ForeAftDamper", "HarmonicPitch", "HarmonicPitchParameters",
     "IndividualPitch", "LidarFeedforward", "Name", "Readings", "RepairedReadings", "RotorTable", "SideSideDamper",
-    "Supervisor", "SupervisorParameters", "TsrTrackingController", "TsrTrackingParameters", "WindEstimator",
+    "Supervisor", "TsrTrackingController", "TsrTrackingParameters", "WindEstimator",
     "WithDemandedPower", "WithLidar", "YawByDeadBand", "checked_demand", "controller_parameters",
     "controller_summary", "declared_parameters", "fault_supervisor_of", "from_harmonic", "lidar_of",
     "make_controller", "name_and_parameters", "nrel_5mw_parameters", "parse_name", "part_of", "parts_of",
     "readings_of", "retuned_parameters", "rotor_table", "starting_part", "supervisor_of", "to_harmonic",
 ]  # fmt: skip
-
-_ON_DEMAND = {
-    "fault_supervisor": ("FaultSupervisor", "fault_supervisor_of"),
-    "names": (
-        "ADDITIONS", "BASES", "COMPILED", "CONTROLLERS", "GUARDS", "WRAPPERS", "Name", "controller_parameters",
-        "controller_summary", "declared_parameters", "make_controller", "name_and_parameters", "parse_name",
-    ),
-}  # fmt: skip
-"""Modules that stand above `wt_gym.control.bladed`, which needs modules of this package, with their public names: they
-are imported on the first use of one."""
-_HOME = {name: module for module, names in _ON_DEMAND.items() for name in names}
 
 
 def __dir__() -> list[str]:
@@ -94,8 +81,9 @@ def __dir__() -> list[str]:
 if not TYPE_CHECKING:  # which would take every name for one of this module
 
     def __getattr__(name: str) -> Any:
-        """Names of `_ON_DEMAND`."""
-        if name not in _HOME:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        found = globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-        return found
+        """Names of the modules that stand above `wt_gym.control.bladed`, which needs modules of this package."""
+        for module in ("fault_supervisor", "names") if name in __all__ else ():
+            if hasattr(home := import_module(f"{__name__}.{module}"), name):
+                globals()[name] = getattr(home, name)
+                return globals()[name]
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -21,7 +21,7 @@ Bossanyi et al., Energy Procedia 35 (2013) 177).
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -42,22 +42,14 @@ from wt_gym.control.sensors import AngleLowPass, BandLimitedIntegrator, LowPass,
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from wt_gym.control.controllers.controller import Controller, Readings
-    from wt_gym.turbines import PitchSystem, Turbine
-
-__all__ = [
-    "AboveRated", "FadeParameters", "ForeAftDamper", "ForeAftOptions", "HarmonicPitch", "HarmonicPitchParameters",
-    "IndividualPitch", "IndividualPitchOptions", "ResidualPitch", "SideSideDamper", "SideSideOptions",
-    "YawByDeadBand", "YawOptions", "fade_option", "yaw_drive_of",
-]  # fmt: skip
+    from wt_gym.turbines import Turbine
 
 # ---- fade below rated ----
-
-_LEAST_FADE, _MOST_FADE = 0.001, 0.5  # [rad]
 
 
 def _ramp(value: float, low: float, high: float) -> float:
@@ -97,7 +89,7 @@ def fade_option() -> Any:
     """Parameter ``fade`` of every addition that fades below rated."""
     return option(
         "collective pitch above fine pitch from which on it acts in full, beginning at a sixth of it; True: 0.5° to "
-        "3°; False: always in full", default=True, unit="rad", low=_LEAST_FADE, high=_MOST_FADE, kinds=(FadeParameters,)
+        "3°; False: always in full", default=True, unit="rad", low=0.001, high=0.5, kinds=(FadeParameters,)
     )  # fmt: skip
 
 
@@ -115,23 +107,12 @@ class AboveRated:
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, fade: FadeParameters | bool | float = True) -> AboveRated | None:
-        """Fade of a turbine, by `fade_option`; None where nothing is to fade.
-
-        Raises
-        ------
-        ValueError
-            For a pitch that is not a number from 0.001 to 0.5 rad.
-        """
+        """Fade of a turbine, by `fade_option`; None where nothing is to fade."""
         if fade is False:
             return None
-        parameters = FadeParameters() if fade is True else fade
-        if not isinstance(parameters, FadeParameters):
-            if not (isinstance(fade, int | float | np.floating) and _LEAST_FADE <= fade <= _MOST_FADE):
-                raise ValueError(
-                    f"fade must be True, False, FadeParameters or a pitch from {_LEAST_FADE:g} to {_MOST_FADE:g} rad, "
-                    f"got {fade!r}"
-                )
-            parameters = FadeParameters(pitch=(fade / 6.0, float(fade)))
+        if fade is True:
+            fade = FadeParameters()
+        parameters = fade if isinstance(fade, FadeParameters) else FadeParameters(pitch=(fade / 6.0, float(fade)))
         # with peak shaving the blades are pitched below rated too: what counts begins above the least pitch at rated
         fine = least_pitch(turbine, turbine.rated_wind_speed)
         return cls(parameters, fine, turbine.drivetrain.rated_rotor_speed)
@@ -163,7 +144,6 @@ class ResidualPitch:
 
     Parameters
     ----------
-    fade : AboveRated or None
     washout : float or None
         tau [s].
     n_mean : int
@@ -255,27 +235,17 @@ class IndividualPitchOptions(Options):
     fade: bool | float | FadeParameters = fade_option()
 
 
-@option_record
-class HarmonicPitchParameters(Options):
+@dataclass(frozen=True)
+class HarmonicPitchParameters:
     """Constants of the control of one harmonic."""
 
-    title = "harmonic_pitch"
-
-    harmonic: int = option("1 or 2, in revolutions", default=1, low=1, high=2)
-    integral_gain: float = option("from moment to rate of pitch", default=0.0, unit="rad/(N m s)", low=0.0)
-    proportional_gain: float = option("from moment to pitch", default=0.0, unit="rad/(N m)", low=0.0)
-    level: float = option(
-        "moment (2-norm of tilt and yaw) up to which nothing is done; zero drives the moment to zero", default=0.0,
-        unit="N m", low=0.0,
-    )  # fmt: skip
-    leak: float = option(
-        "rate at which the pitch returns while the moment is inside a band; without a band it is not used", default=0.0,
-        unit="1/s", low=0.0,
-    )  # fmt: skip
-    limit: float = option("largest amplitude", default=math.radians(4.0), unit="rad", low=0.0)
-    rate_limit: float = option(
-        "largest rate of the amplitude in the fixed frame", default=math.radians(1.5), unit="rad/s", low=0.0
-    )
+    harmonic: int = 1  #: 1 or 2, in revolutions
+    integral_gain: float = 0.0  #: from moment to rate of pitch [rad/(N m s)]
+    proportional_gain: float = 0.0  #: from moment to pitch [rad/(N m)]
+    level: float = 0.0  #: moment (2-norm of tilt and yaw) up to which nothing is done [N m]
+    leak: float = 0.0  #: rate at which the pitch returns while the moment is inside a band [1/s]
+    limit: float = math.radians(4.0)  #: largest amplitude [rad]
+    rate_limit: float = math.radians(1.5)  #: largest rate of the amplitude in the fixed frame [rad/s]
 
 
 class HarmonicPitch:
@@ -342,60 +312,40 @@ class IndividualPitch:
     Below rated it fades out (`AboveRated`): there it would cost power. No blade is pitched below the lower limit of
     the pitch drive, which would turn the pitch of one blade into collective pitch.
 
+    The integral gain is ``bandwidth * Omega / flap_moment_sensitivity``, 3.9e-9 rad/(N m s) for the NREL 5-MW, the
+    level that of `reference_flap_moment`. Level and limit of the second harmonic are half those of the first. The lead
+    is by default `pitch_delay`; at twice the step of the simulator it is half a step too long, 3.6 degrees for the NREL
+    5-MW, without ``simulator_step``.
+
     Parameters
     ----------
-    harmonics : sequence of HarmonicPitchParameters
-    fade : AboveRated or None
-        None: always in full.
-    drive : PitchSystem
-        Its limits hold, and its delay leads the azimuth.
-    lead, simulator_step : float, optional
-        As of `IndividualPitchOptions` [s]; the lead is by default `pitch_delay`. At twice the step of the simulator it
-        is else half a step too long, 3.6 degrees for the NREL 5-MW.
+    **parameters
+        Of `IndividualPitchOptions`.
 
-    Attributes
-    ----------
-    harmonics : tuple of HarmonicPitch
-    share : float
-        In which it acts at the moment.
     """
 
-    def __init__(
-        self, harmonics: Iterable[HarmonicPitchParameters], fade: AboveRated | None, drive: PitchSystem,
-        n_blades: int = 3, lead: float | None = None, simulator_step: float | None = None,
-    ) -> None:  # fmt: skip
-        self.harmonics = tuple(HarmonicPitch(p) for p in harmonics)
-        if n_blades < 3:
-            raise ValueError(f"individual pitch in the fixed frame needs at least 3 blades, got {n_blades}")
-        self.fade, self.drive, self.n_blades = fade, drive, n_blades
-        self.lead, self.simulator_step = lead, simulator_step
-        self.share = 0.0
-        self._moment_names = tuple(f"root_flap_moment_{b + 1}" for b in range(n_blades))
-        self.channels = ("azimuth", "rotor_speed", *self._moment_names)
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> IndividualPitch:
-        """Gains by rule for a turbine, with parameters of `IndividualPitchOptions`.
-
-        The integral gain is ``bandwidth * Omega / flap_moment_sensitivity``, 3.9e-9 rad/(N m s) for the NREL 5-MW, the
-        level that of `reference_flap_moment`. Level and limit of the second harmonic are half those of the first.
-        """
+    def __init__(self, turbine: Turbine, **parameters: Any):
         o = IndividualPitchOptions(**parameters)
+        if turbine.n_blades < 3:
+            raise ValueError(f"individual pitch in the fixed frame needs at least 3 blades, got {turbine.n_blades}")
         gain = o.bandwidth * turbine.drivetrain.rated_rotor_speed / flap_moment_sensitivity(turbine)
         first = HarmonicPitchParameters(
             integral_gain=gain, proportional_gain=o.proportional_time * gain,
             level=o.level * reference_flap_moment(turbine), leak=1.0 / o.leak_time, limit=o.limit,
             rate_limit=o.rate_limit,
         )  # fmt: skip
-        harmonics, share = [first], o.second_harmonic
+        laws, share = [first], o.second_harmonic
         if share > 0.0:
             second = replace(
                 first, harmonic=2, integral_gain=share * gain, proportional_gain=share * first.proportional_gain,
                 level=0.5 * first.level, limit=0.5 * o.limit,
             )  # fmt: skip
-            harmonics.append(second)
-        fade = AboveRated.of_turbine(turbine, o.fade)
-        return cls(harmonics, fade, turbine.pitch, turbine.n_blades, o.lead, o.simulator_step)
+            laws.append(second)
+        self.harmonics = tuple(HarmonicPitch(law) for law in laws)
+        self.fade, self.drive, self.n_blades = AboveRated.of_turbine(turbine, o.fade), turbine.pitch, turbine.n_blades
+        self.lead, self.simulator_step, self.share = o.lead, o.simulator_step, 0.0
+        self._moment_names = tuple(f"root_flap_moment_{b + 1}" for b in range(self.n_blades))
+        self.channels = ("azimuth", "rotor_speed", *self._moment_names)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -453,32 +403,25 @@ CORNER = 0.2
 class ForeAftDamper:
     """Addition: collective pitch in proportion to the fore-aft velocity of the nacelle.
 
-    Gain from velocity to pitch [rad s/m], corner of the high-pass filter [rad/s], largest pitch added or taken off
-    [rad]. It fades below rated, where pitch costs power; without a fade it acts always in full.
+    The gain is ``2 damping omega m / |dT/dtheta|`` [rad s/m]. The sensitivity of the thrust is taken from that of the
+    power at rated (`design_point`): a rotor whose pitch reduces the power by dP reduces the thrust by dP/V, the
+    momentum of a wind of speed V with a third of it left. It fades below rated, where pitch costs power.
+
+    Parameters
+    ----------
+    **parameters
+        Of `ForeAftOptions`.
     """
 
     channels = ("nacelle_acceleration_fore_aft", "rotor_speed")
 
-    def __init__(
-        self, gain: float, corner: float, limit: float, fade: AboveRated | None, pitch_limits: tuple[float, float]
-    ) -> None:
-        self.gain, self.limit, self.fade, self.pitch_limits = gain, limit, fade, tuple(pitch_limits)
-        self._velocity = BandLimitedIntegrator(corner)
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> ForeAftDamper:
-        """Gain by rule, ``2 damping omega m / |dT/dtheta|``, with parameters of `ForeAftOptions`.
-
-        The sensitivity of the thrust is taken from that of the power at rated (`design_point`): a rotor whose pitch
-        reduces the power by dP reduces the thrust by dP/V, the momentum of a wind of speed V with a third of it left.
-        """
-        o = ForeAftOptions(**parameters)
-        tower = tower_top(turbine)
+    def __init__(self, turbine: Turbine, **parameters: Any):
+        o, tower = ForeAftOptions(**parameters), tower_top(turbine)
         power = abs(design_point(turbine).pitch_sensitivity) * rated_mechanical_power(turbine)
-        gain = 2.0 * o.damping * tower.fore_aft * tower.mass * turbine.rated_wind_speed / power
-        fade = AboveRated.of_turbine(turbine, o.fade)
-        limits = (fine_pitch(turbine), turbine.pitch.max_pitch)
-        return cls(gain, CORNER * tower.fore_aft, o.limit, fade, limits)
+        self.gain = 2.0 * o.damping * tower.fore_aft * tower.mass * turbine.rated_wind_speed / power
+        self.limit, self.fade = o.limit, AboveRated.of_turbine(turbine, o.fade)
+        self.pitch_limits = (fine_pitch(turbine), turbine.pitch.max_pitch)
+        self._velocity = BandLimitedIntegrator(CORNER * tower.fore_aft)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -501,29 +444,25 @@ class ForeAftDamper:
 class SideSideDamper:
     """Addition: generator torque in proportion to the side-side velocity of the nacelle.
 
-    Gain from velocity to torque on the high-speed shaft [N m s/m], negative for a rotor that turns counter-clockwise;
-    corner of the high-pass filter [rad/s]; largest torque added or taken off, and largest torque of all [N m].
+    The gain is ``2 damping omega m / (N c)`` [N m s/m, high-speed shaft], negative for a rotor that turns
+    counter-clockwise; N is the gear ratio, and c the force at the top that bends the tower as far as a moment there
+    does (`wt_gym.control.design.TowerTop.force_per_moment`).
+
+    Parameters
+    ----------
+    **parameters
+        Of `SideSideOptions`.
     """
 
     channels = ("nacelle_acceleration_side_side",)
 
-    def __init__(self, gain: float, corner: float, limit: float, max_torque: float):
-        self.gain, self.limit, self.max_torque = gain, limit, max_torque
-        self._velocity = BandLimitedIntegrator(corner)
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> SideSideDamper:
-        """Gain by rule, ``2 damping omega m / (N c)``, with parameters of `SideSideOptions`.
-
-        c is the force at the top that bends the tower as far as a moment there does
-        (`wt_gym.control.design.TowerTop.force_per_moment`), N the gear ratio.
-        """
-        o = SideSideOptions(**parameters)
-        tower, drivetrain = tower_top(turbine), turbine.drivetrain
-        gain = 2.0 * o.damping * tower.side_side * tower.mass / (drivetrain.gear_ratio * tower.force_per_moment)
-        gain = gain if turbine.rotation == "clockwise" else -gain
-        rated = rated_mechanical_power(turbine) / (drivetrain.rated_rotor_speed * drivetrain.gear_ratio)
-        return cls(gain, CORNER * tower.side_side, o.limit * rated, drivetrain.max_generator_torque)
+    def __init__(self, turbine: Turbine, **parameters: Any):
+        o, tower, drive = SideSideOptions(**parameters), tower_top(turbine), turbine.drivetrain
+        gain = 2.0 * o.damping * tower.side_side * tower.mass / (drive.gear_ratio * tower.force_per_moment)
+        self.gain = gain if turbine.rotation == "clockwise" else -gain
+        rated = rated_mechanical_power(turbine) / (drive.rated_rotor_speed * drive.gear_ratio)
+        self.limit, self.max_torque = o.limit * rated, drive.max_generator_torque
+        self._velocity = BandLimitedIntegrator(CORNER * tower.side_side)
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -583,8 +522,6 @@ class YawByDeadBand:
 
     Parameters
     ----------
-    rate : float
-        Of the drive [rad/s].
     **parameters
         Of `YawOptions`.
 
@@ -596,20 +533,15 @@ class YawByDeadBand:
 
     channels = ("yaw_error",)
 
-    def __init__(self, rate: float, **parameters: Any):
+    def __init__(self, turbine: Turbine, **parameters: Any):
         o = YawOptions(**parameters)
-        self.rate, self.dead_band, self.stop = float(rate), o.dead_band, o.stop
+        self.rate, self.dead_band, self.stop = float(turbine.nacelle.max_yaw_rate), o.dead_band, o.stop
         self._slow, self._fast, self.turning = AngleLowPass(o.slow), AngleLowPass(o.fast), 0
 
     @property
     def slow_error(self) -> float:
         """Yaw error behind the slow filter, which starts the drive beyond the dead-band [rad]."""
         return self._slow.value
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> YawByDeadBand:
-        """With the yaw drive of a turbine."""
-        return cls(turbine.nacelle.max_yaw_rate, **parameters)
 
     def start(self, signals: Readings) -> None:
         """Start at rest, as if the present error had been there for long, but no further than the dead-band."""

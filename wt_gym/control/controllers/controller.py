@@ -36,14 +36,6 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Signals
     from wt_gym.wind import Inflow
 
-__all__ = [
-    "Addition", "AtSetPoint", "Combined", "Controller", "Memory", "Readings", "RepairedReadings", "StartsTurbine",
-    "WithDemandedPower", "WithLidar", "changing_parts", "checked_demand", "demanded_power_of", "is_addition",
-    "is_controller", "lidar_of", "memory_of", "part_of", "parts_of", "readings_of", "remember",
-    "starting_part",
-]  # fmt: skip
-
-
 T = TypeVar("T")
 
 # ---- the contract ----
@@ -57,9 +49,8 @@ class Readings(Protocol):
         ...
 
 
-@runtime_checkable
-class Controller(Protocol):
-    """A part that decides on all demands of a turbine."""
+class Reads(Protocol):
+    """A part of a controller that reads signals."""
 
     if TYPE_CHECKING:  # read only: a property or an attribute of the class will do
 
@@ -71,6 +62,11 @@ class Controller(Protocol):
     else:
         channels: tuple[str, ...]
 
+
+@runtime_checkable
+class Controller(Reads, Protocol):
+    """A part that decides on all demands of a turbine."""
+
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start bumplessly: forget everything and continue from the present demand on the actuators."""
         ...
@@ -81,18 +77,8 @@ class Controller(Protocol):
 
 
 @runtime_checkable
-class Addition(Protocol):
+class Addition(Reads, Protocol):
     """A part that changes the demand of a controller: individual pitch, a damper, a yaw drive."""
-
-    if TYPE_CHECKING:
-
-        @property
-        def channels(self) -> tuple[str, ...]:
-            """Names of the signals that are read."""
-            ...
-
-    else:
-        channels: tuple[str, ...]
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -116,26 +102,17 @@ class StartsTurbine(Protocol):
 
 
 class RepairedReadings:
-    """Readings some of which are replaced by others, or that have further ones.
+    """Readings some of which are replaced by others, or that have further ones; ``measured`` are those underneath."""
 
-    Attributes
-    ----------
-    measured : Readings
-    """
-
-    __slots__ = ("_values", "measured")
+    __slots__ = ("_values", "measured", "reference")
 
     def __init__(self, signals: Readings, values: Mapping[str, float]) -> None:
         self.measured, self._values = signals, values
+        self.reference = getattr(signals, "reference", None)  # demanded power at any time, see `WithDemandedPower`
 
     def __getitem__(self, name: str) -> float:
         value = self._values.get(name)
         return self.measured[name] if value is None else value
-
-    @property
-    def reference(self) -> object:
-        """Demanded power at any time, see `WithDemandedPower`; None where it is not known."""
-        return getattr(self.measured, "reference", None)
 
 
 @cache
@@ -180,16 +157,11 @@ class WithDemandedPower(RepairedReadings):
         Power at any time, for controllers that take it as a whole.
     """
 
-    __slots__ = ("_reference",)
+    __slots__ = ()
 
     def __init__(self, signals: Readings, demanded: float, reference: object = None) -> None:
         super().__init__(signals, {"demanded_power": demanded})
-        self._reference = reference
-
-    @property
-    def reference(self) -> object:
-        """Demanded power at any time; None where only the present one is known."""
-        return self._reference
+        self.reference = reference
 
 
 class AtSetPoint:
@@ -273,14 +245,7 @@ def readings_of(
 ) -> Readings:
     """Signals of the present instant for a controller, with the readings of its lidar if it has one.
 
-    Parameters
-    ----------
-    signals : Signals
-        As the sensors give them.
-    hub_height : float
-        [m]
-    rotation : {"clockwise", "counter-clockwise"}
-        Of the rotor, by which beams apart are counted.
+    The hub height is in m; the rotation of the rotor, "clockwise" or "counter-clockwise", counts beams that are apart.
     """
     lidar = lidar_of(controller)
     if lidar is None:
@@ -321,27 +286,22 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
     wt_gym.base.errors.ControllerError
         If it is not a `Demand`, has not one finite angle a blade, or a yaw rate or torque that is not finite.
     """
+    name = " + ".join(type(part).__name__ for part in parts_of(controller))
     if not isinstance(demand, Demand):
-        raise ControllerError(f"the controller {_name(controller)} gave {demand!r}; must be a Demand")
+        raise ControllerError(f"the controller {name} gave {demand!r}; must be a Demand")
     try:
         pitch = np.asarray(demand.pitch, dtype=np.float64)
         finite = all(map(math.isfinite, (demand.yaw_rate, demand.generator_torque, *pitch.ravel().tolist())))
     except (TypeError, ValueError) as error:
-        raise ControllerError(f"the controller {_name(controller)} gave {demand!r}: {error}") from error
+        raise ControllerError(f"the controller {name} gave {demand!r}: {error}") from error
     if pitch.shape != (n_blades,):
         raise ControllerError(
-            f"the pitch demand of the controller {_name(controller)} must have shape ({n_blades},), one angle a blade; "
+            f"the pitch demand of the controller {name} must have shape ({n_blades},), one angle a blade; "
             f"got {pitch.shape}"
         )
     if not finite:
-        raise ControllerError(f"the demand of the controller {_name(controller)} must be finite, got {demand!r}")
+        raise ControllerError(f"the demand of the controller {name} must be finite, got {demand!r}")
     return demand if demand.pitch is pitch else replace(demand, pitch=pitch)
-
-
-def _name(controller: Controller | Addition) -> str:
-    """Class of a controller, with its parts."""
-    parts = parts_of(controller)
-    return " + ".join(type(part).__name__ for part in parts)
 
 
 class Combined:
@@ -351,7 +311,7 @@ class Combined:
     --------
     >>> from wt_gym.control.controllers import Combined, DisconController, YawByDeadBand
     >>> from wt_gym.turbines import load_turbine
-    >>> controller = Combined(DisconController(), YawByDeadBand.of_turbine(load_turbine("nrel_5mw")))
+    >>> controller = Combined(DisconController(), YawByDeadBand(load_turbine("nrel_5mw")))
     >>> controller.channels
     ('generator_speed', 'yaw_error')
     """

@@ -1,8 +1,7 @@
 """The baseline controller: the law of the NREL 5-MW's (DISCON) with the constants of any turbine.
 
 Variable-speed torque control and gain-scheduled collective pitch control as published by Jonkman et al. (Definition of
-a 5-MW Reference Wind Turbine, NREL/TP-500-38060, 2009, section 7). `BaselineController` works on generator speeds in SI
-units; `DisconController` puts it behind the contract of `wt_gym.control.controllers.controller`.
+a 5-MW Reference Wind Turbine, NREL/TP-500-38060, 2009, section 7).
 
 Gains of the collective pitch (`PitchLaw`) come in one of two forms. As published for the NREL 5-MW (NREL/TP-500-38060,
 section 7.3), a factor
@@ -16,34 +15,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.control.actions import Demand
-from wt_gym.control.design import FILTER_OVER_ROTOR_SPEED, drive_mode
-from wt_gym.control.operating_point import (
-    DesignPoint,
-    TorqueCurve,
-    design_point,
-    operating_point,
-    rotor_inertia,
-    torque_curve,
-)
+from wt_gym.control.design import FILTER_OVER_ROTOR_SPEED, DesignPoint, design_point, drive_mode, rotor_inertia
+from wt_gym.control.operating_point import TorqueCurve, operating_point, torque_curve
 from wt_gym.control.sensors import LowPass, Notch, SecondOrderLowPass
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "BaselineController", "BaselineParameters", "BaselineState", "DisconController", "GainTable", "PitchLaw",
-    "nrel_5mw_parameters",
-]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -259,137 +246,85 @@ def nrel_5mw_parameters() -> BaselineParameters:
     return BaselineParameters.from_turbine(load_turbine("nrel_5mw"))
 
 
-@dataclass(frozen=True)
-class BaselineState:
-    """Memory of the controller from one call to the next."""
-
-    filtered_speed: float  #: generator speed behind the low-pass filter [rad/s]
-    speed_integral: float  #: of the speed error [rad], or with a table of gains of the pitch [rad], see `PitchLaw`
-    pitch: NDArray[np.float64]  #: commands [rad], shape (n_blades,)
-    torque: float  #: command [N m]; NaN before the first one of a controller started without a torque
-
-
-class BaselineController:
-    """Torque and pitch controller stepping on generator speeds, by default that of the NREL 5-MW.
+class DisconController:
+    """Torque and pitch controller of the generator speed, by default that of the NREL 5-MW; the yaw rests.
 
     Attributes
     ----------
-    state : BaselineState or None
-        None before `start`.
-
-    Examples
-    --------
-    >>> controller = BaselineController()
-    >>> controller.start(generator_speed=122.9, pitch=0.18)
-    >>> pitch, torque = controller.step(generator_speed=123.0, dt=0.0125)
+    filtered_speed : float
+        Generator speed behind the low-pass filter [rad/s].
+    speed_integral : float
+        Of the speed error [rad], or with a table of gains of the pitch [rad], see `PitchLaw`.
+    pitch : numpy.ndarray, shape (n_blades,)
+        Commands [rad].
+    torque : float
+        Command [N m]; NaN before the first one of a controller that was started without a torque, which is not limited
+        in rate.
     """
 
+    channels = ("generator_speed",)
+
     def __init__(self, parameters: BaselineParameters | None = None):
-        self.parameters = nrel_5mw_parameters() if parameters is None else parameters
-        self.state: BaselineState | None = None
-        self._notch = Notch(self.parameters.notch_frequency)
-        damping = self.parameters.filter_damping
-        self._filter = SecondOrderLowPass(self.parameters.corner_frequency, damping) if damping > 0.0 else None
+        self.parameters = p = nrel_5mw_parameters() if parameters is None else parameters
+        self.filtered_speed = self.speed_integral = math.nan
+        self.pitch: NDArray[np.float64] = np.full(p.n_blades, math.nan)
+        self.torque = math.nan
+        self._notch = Notch(p.notch_frequency)
+        damping = p.filter_damping
+        self._filter = SecondOrderLowPass(p.corner_frequency, damping) if damping > 0.0 else None
 
-    def start(self, generator_speed: float, pitch: ArrayLike, torque: float = math.nan) -> None:
-        """Start bumplessly: the first command continues from the present pitch.
-
-        The pitch is that of all blades or each (n_blades,) [rad]. Without a present torque command [N m] the first
-        torque is not limited in rate.
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start bumplessly: the first command continues from the present pitch, of all blades or each.
 
         Raises
         ------
         wt_gym.base.errors.ControllerError
             For a turbine with another number of blades.
         """
-        p, pitch = self.parameters, np.asarray(pitch, dtype=np.float64)
+        p, pitch = self.parameters, np.asarray(demand.pitch, dtype=np.float64)
         if pitch.shape not in ((), (p.n_blades,)):
             raise ControllerError(
                 f"the baseline controller is made for {p.n_blades} blades, got pitch of shape {pitch.shape}"
             )
-        pitch = np.broadcast_to(pitch, p.n_blades).copy()
-        integral = p.pitch_law.holding(float(pitch[0]))
-        speed = self._notch.reset(generator_speed)
+        self.pitch, self.torque = np.broadcast_to(pitch, p.n_blades).copy(), float(demand.generator_torque)
+        self.speed_integral = float(p.pitch_law.holding(float(self.pitch[0])))
+        self.filtered_speed = float(signals["generator_speed"])
+        speed = self._notch.reset(self.filtered_speed)
         if self._filter is not None:
             self._filter.reset(speed)
-        self.state = BaselineState(float(generator_speed), float(integral), pitch, float(torque))
-
-    def step(self, generator_speed: float, dt: float) -> tuple[NDArray[np.float64], float]:
-        """Pitch (n_blades,) [rad] and torque [N m] at a generator speed [rad/s], ``dt`` [s] after the last call.
-
-        Raises
-        ------
-        RuntimeError
-            If the controller was not started.
-        """
-        if self.state is None:
-            raise RuntimeError("BaselineController.step was called before start")
-        measured = self._notch.update(generator_speed, dt)
-        if self._filter is None:
-            memory = math.exp(-dt * self.parameters.corner_frequency)
-            filtered = (1.0 - memory) * measured + memory * self.state.filtered_speed
-        else:
-            filtered = self._filter.update(measured, dt)
-        before = self.state.pitch.tolist()  # arrays of three are slow
-        torque = self._torque(filtered, before[0], dt)
-        commands, integral = self._pitch(filtered, before, dt)
-        pitch = np.array(commands)
-        self.state = BaselineState(filtered, integral, pitch, torque)
-        return pitch.copy(), torque
-
-    def shift_pitch(self, change: float) -> None:
-        """Move the present command and its integral, and with them the next one, by so much [rad], within the
-        limits.
-        """
-        p, state = self.parameters, cast(BaselineState, self.state)
-        angles = state.pitch.tolist()  # arrays of three are slow
-        pitch = [min(max(angle + change, p.min_pitch), p.max_pitch) for angle in angles]
-        integral = p.pitch_law.moved(angles[0], pitch[0] - angles[0], state.speed_integral)
-        self.state = BaselineState(state.filtered_speed, integral, np.array(pitch), state.torque)
-
-    def _torque(self, filtered_speed: float, pitch: float, dt: float) -> float:
-        """Torque command [N m]: the law, limited in rate."""
-        torque, previous = self._torque_law(filtered_speed, pitch), cast(BaselineState, self.state).torque
-        step = self.parameters.max_torque_rate * dt
-        return torque if math.isnan(previous) else min(max(torque, previous - step), previous + step)
-
-    def _torque_law(self, filtered_speed: float, pitch: float) -> float:
-        """Torque [N m]: law of the region, saturation."""
-        p = self.parameters
-        torque = min(p.torque.torque(filtered_speed, constant_power=pitch >= p.region_3_min_pitch), p.max_torque)
-        return torque if p.constant_power else min(torque, p.rated_torque)
-
-    def _pitch(self, filtered_speed: float, previous: list[float], dt: float) -> tuple[list[float], float]:
-        """Pitch commands [rad] and integral of the speed error [rad]: gain-scheduled PI with anti-windup."""
-        p = self.parameters
-        error, integral = filtered_speed - p.reference_speed, cast(BaselineState, self.state).speed_integral
-        demand, integral = p.pitch_law.step(previous[0], integral, error, dt, p.min_pitch, p.max_pitch)
-        step, low, high = p.max_pitch_rate * dt, p.min_pitch, p.max_pitch
-        return [min(max(min(max(demand, now - step), now + step), low), high) for now in previous], integral
-
-
-class DisconController:
-    """`BaselineController` behind the contract: reads the generator speed, demands pitch and torque; yaw rests."""
-
-    channels = ("generator_speed",)
-
-    def __init__(self, parameters: BaselineParameters | None = None):
-        self.law = BaselineController(parameters)
-
-    @property
-    def parameters(self) -> BaselineParameters:
-        """Constants of the law."""
-        return self.law.parameters
-
-    def start(self, signals: Readings, demand: Demand) -> None:
-        """Start bumplessly from the present demand."""
-        self.law.start(signals["generator_speed"], demand.pitch, demand.generator_torque)
 
     def step(self, signals: Readings, dt: float) -> Demand:
         """Demand for the next ``dt`` [s]."""
-        pitch, torque = self.law.step(signals["generator_speed"], dt)
-        return Demand(pitch, 0.0, torque)
+        p, measured = self.parameters, self._notch.update(signals["generator_speed"], dt)
+        if self._filter is None:
+            memory = math.exp(-dt * p.corner_frequency)
+            self.filtered_speed = (1.0 - memory) * measured + memory * self.filtered_speed
+        else:
+            self.filtered_speed = self._filter.update(measured, dt)
+        before = self.pitch.tolist()  # arrays of three are slow
+        torque, step = self._torque_law(before[0]), p.max_torque_rate * dt
+        if not math.isnan(self.torque):
+            torque = min(max(torque, self.torque - step), self.torque + step)
+        self.torque, self.pitch = torque, np.array(self._pitch_commands(before, dt))
+        return Demand(self.pitch.copy(), 0.0, torque)
 
     def shift_pitch(self, change: float) -> None:
-        """Move the pitch of the next demand by so much [rad]."""
-        self.law.shift_pitch(change)
+        """Move the present command and its integral, and with them the next one, by so much [rad], within limits."""
+        p, angles = self.parameters, self.pitch.tolist()
+        pitch = [min(max(angle + change, p.min_pitch), p.max_pitch) for angle in angles]
+        self.speed_integral = p.pitch_law.moved(angles[0], pitch[0] - angles[0], self.speed_integral)
+        self.pitch = np.array(pitch)
+
+    def _torque_law(self, pitch: float) -> float:
+        """Torque [N m] at the filtered speed: law of the region, saturation."""
+        p = self.parameters
+        torque = min(p.torque.torque(self.filtered_speed, constant_power=pitch >= p.region_3_min_pitch), p.max_torque)
+        return torque if p.constant_power else min(torque, p.rated_torque)
+
+    def _pitch_commands(self, previous: list[float], dt: float) -> list[float]:
+        """Pitch commands [rad]: gain-scheduled PI with anti-windup."""
+        p = self.parameters
+        error, step = self.filtered_speed - p.reference_speed, p.max_pitch_rate * dt
+        low, high = p.min_pitch, p.max_pitch
+        demand, self.speed_integral = p.pitch_law.step(previous[0], self.speed_integral, error, dt, low, high)
+        return [min(max(min(max(demand, now - step), now + step), low), high) for now in previous]

@@ -27,7 +27,7 @@ reconfiguration.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,8 +43,6 @@ from wt_gym.control.sensors import LowPass
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
-
-__all__ = ["FaultSupervisor", "FaultSupervisorOptions", "FaultSupervisorParameters", "fault_supervisor_of"]
 
 
 @option_record
@@ -83,8 +81,6 @@ class FaultSupervisorOptions(Options):
     )  # fmt: skip
 
 
-_LEAST_TORQUE = 0.1
-"""Torque over rated from which on power over torque is a measurement of the speed [-]."""
 _FASTER = 1.5
 """Change of a pitch reading that no drive makes, over that at the greatest rate [-]."""
 _CYCLIC = 1.5
@@ -94,88 +90,47 @@ _LEAST_GAUGES = 2
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True)
-class FaultSupervisorParameters:
-    """Numbers of a `FaultSupervisor`."""
-
-    speed_tolerance: float  #: of the rotor [rad/s]
-    moment_jump: float  #: [N m]
-    frozen_time: float  #: [s]
-    vane_jump: float  #: [rad]
-    pitch_tolerance: float  #: [rad]
-    pitch_time: float  #: [s]
-    stop_deviation: float  #: [rad]
-    fade_time: float  #: [s]
-    gear_ratio: float
-    efficiency: float  #: of the generator [-]
-    least_torque: float  #: [N m], high-speed shaft
-    min_pitch: float  #: of the drives [rad]
-    max_pitch: float  #: of the drives [rad]
-    max_pitch_rate: float  #: of the drives [rad/s]
-    pitch_lag: float  #: of the drives behind a moving command [s]
-    n_blades: int
-
-
 class FaultSupervisor(Combined):
     """A controller with additions under a supervisor of faults.
 
     Parameters
     ----------
     *additions : Addition
+    **parameters
+        Of `FaultSupervisorOptions`.
 
     Attributes
     ----------
     share : float
         Of the individual part of the pitch that acts [-].
+
+    Raises
+    ------
+    ValueError
+        If the turbine has less than three blades, or a damper as generator.
     """
 
-    def __init__(self, parameters: FaultSupervisorParameters, base: Controller, *additions: Addition):
+    def __init__(self, turbine: Turbine, base: Controller, *additions: Addition, **parameters: Any):
         super().__init__(base, *additions)
-        self.parameters = parameters
-        blades = range(1, parameters.n_blades + 1)
-        self._moments = tuple(f"root_flap_moment_{b}" for b in blades)
-        self._pitches = tuple(f"pitch_{b}" for b in blades)
-        self._lags = [LowPass(parameters.pitch_lag) for _ in blades]
-        self.share = 1.0
-        self._forget([0.0] * parameters.n_blades, [0.0] * parameters.n_blades, 0.0)
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, base: Controller, *additions: Addition, **parameters: Any) -> FaultSupervisor:
-        """Numbers from a turbine and `FaultSupervisorOptions`.
-
-        Raises
-        ------
-        ValueError
-            If the turbine has less than three blades, or a damper as generator.
-        """
-        o = FaultSupervisorOptions(**parameters)
-        drivetrain, drive = turbine.drivetrain, turbine.pitch
+        o, drive, pitch = FaultSupervisorOptions(**parameters), turbine.drivetrain, turbine.pitch
         if turbine.n_blades < 3:
             raise ValueError(f"a fault_supervisor needs at least 3 blades, which it compares, got {turbine.n_blades}")
-        if not drivetrain.takes_torque:
+        if not drive.takes_torque:
             raise ValueError(f"{turbine.name} has a damper as generator: a fault_supervisor needs a measured torque")
-        rated_torque = drivetrain.rated_power / (
-            drivetrain.generator_efficiency * drivetrain.rated_rotor_speed * drivetrain.gear_ratio
-        )
-        made = FaultSupervisorParameters(
-            speed_tolerance=o.speed_tolerance * drivetrain.rated_rotor_speed,
-            moment_jump=o.moment_jump * reference_flap_moment(turbine),
-            frozen_time=o.frozen_time,
-            vane_jump=o.vane_jump,
-            pitch_tolerance=o.pitch_tolerance,
-            pitch_time=o.pitch_time,
-            stop_deviation=o.stop_deviation,
-            fade_time=o.fade_time,
-            gear_ratio=drivetrain.gear_ratio,
-            efficiency=drivetrain.generator_efficiency,
-            least_torque=_LEAST_TORQUE * rated_torque,
-            min_pitch=drive.min_pitch,
-            max_pitch=drive.max_pitch,
-            max_pitch_rate=drive.max_rate,
-            pitch_lag=0.0 if drive.servo_frequency is None else 2.0 * drive.servo_damping / drive.servo_frequency,
-            n_blades=turbine.n_blades,
-        )
-        return cls(made, base, *additions)
+        self.speed_tolerance = o.speed_tolerance * drive.rated_rotor_speed  # [rad/s]
+        self.moment_jump, self.frozen_time = o.moment_jump * reference_flap_moment(turbine), o.frozen_time  # [N m], [s]
+        self.vane_jump, self.pitch_tolerance, self.pitch_time = o.vane_jump, o.pitch_tolerance, o.pitch_time
+        self.stop_deviation, self.fade_time = o.stop_deviation, o.fade_time
+        self.gear_ratio, self.efficiency = drive.gear_ratio, drive.generator_efficiency
+        rated_torque = drive.rated_power / (self.efficiency * drive.rated_rotor_speed * self.gear_ratio)
+        self.least_torque = 0.1 * rated_torque  # from which on power over torque is a measurement of the speed
+        self.drive, self.n_blades = pitch, turbine.n_blades
+        blades = range(1, self.n_blades + 1)
+        self._moments = tuple(f"root_flap_moment_{b}" for b in blades)
+        self._pitches = tuple(f"pitch_{b}" for b in blades)
+        lag = 0.0 if pitch.servo_frequency is None else 2.0 * pitch.servo_damping / pitch.servo_frequency
+        self._lags = [LowPass(lag) for _ in blades]  # of drives behind a moving command
+        self._forget([0.0] * self.n_blades, [0.0] * self.n_blades, 0.0)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -191,7 +146,7 @@ class FaultSupervisor(Combined):
         return (*found, *(name for name, bad in (("vane", self._vane_bad), *self._speeds_bad.items()) if bad))
 
     def _forget(self, pitch: list[float], moments: list[float], vane: float) -> None:
-        n = self.parameters.n_blades
+        n = self.n_blades
         self.share = 1.0
         self._demand, self._command, self._pitch = list(pitch), list(pitch), list(pitch)
         self._off_for = [0.0] * n
@@ -216,7 +171,6 @@ class FaultSupervisor(Combined):
 
     def step(self, signals: Readings, dt: float) -> Demand:
         """Demand for the next ``dt`` [s]."""
-        p = self.parameters
         speeds = self._speed_repairs(signals)
         self._speeds_bad = {name: name in speeds for name in self._speeds_bad}
         self._watch_moments(signals, dt)
@@ -225,10 +179,10 @@ class FaultSupervisor(Combined):
         read = self._repaired(signals, speeds, dt)
         if any(self._flags["drive"]) and (supervisor := supervisor_of(self)) is not None:
             off = zip(self._flags["drive"], self._deviation(signals), strict=True)
-            supervisor.stopped = supervisor.stopped or any(bad and d > p.stop_deviation for bad, d in off)
+            supervisor.stopped = supervisor.stopped or any(bad and d > self.stop_deviation for bad, d in off)
         demand = super().step(read, dt)
         rests = any(self._flags["drive"]) or self._flags["gauge"].count(False) < _LEAST_GAUGES
-        reach = dt / p.fade_time
+        reach = dt / self.fade_time
         self.share += min(max((0.0 if rests else 1.0) - self.share, -reach), reach)
         if self.share < 1.0 or self._vane_bad:
             fallen = self._fallen_back(demand)
@@ -257,15 +211,7 @@ class FaultSupervisor(Combined):
         return RepairedReadings(signals, repaired) if repaired else signals
 
     def with_agent(self, base: Demand, demand: Demand) -> Demand:
-        """A demand in which an agent acts on top of this controller, in as far as its individual pitch may.
-
-        Parameters
-        ----------
-        base : Demand
-            Of this controller.
-        demand : Demand
-            With what the agent adds.
-        """
+        """A demand of an agent on top of that of this controller, in as far as its individual pitch may act."""
         if self.share == 1.0:
             return demand
         added = np.asarray(demand.pitch) - base.pitch
@@ -281,25 +227,24 @@ class FaultSupervisor(Combined):
 
     def _speed_repairs(self, signals: Readings) -> dict[str, float]:
         """Speeds in the place of those that fail."""
-        p = self.parameters
         rotor, generator, torque = signals["rotor_speed"], signals["generator_speed"], signals["generator_torque"]
-        speeds = [rotor, generator / p.gear_ratio]
-        if torque > p.least_torque:
-            speeds.append(signals["generator_power"] / (p.efficiency * torque * p.gear_ratio))
+        speeds = [rotor, generator / self.gear_ratio]
+        if torque > self.least_torque:
+            speeds.append(signals["generator_power"] / (self.efficiency * torque * self.gear_ratio))
         best = sorted(speeds)[1]
-        found = (("rotor_speed", speeds[0], 1.0), ("generator_speed", speeds[1], p.gear_ratio))
-        return {name: factor * best for name, speed, factor in found if abs(speed - best) > p.speed_tolerance}
+        found = (("rotor_speed", speeds[0], 1.0), ("generator_speed", speeds[1], self.gear_ratio))
+        return {name: factor * best for name, speed, factor in found if abs(speed - best) > self.speed_tolerance}
 
     def _watch_moments(self, signals: Readings, dt: float) -> None:
         """Find out which gauges fail."""
-        p, dead, shifted = self.parameters, self._flags["gauge"], self._flags["gauge_shift"]
+        dead, shifted = self._flags["gauge"], self._flags["gauge_shift"]
         for b, name in enumerate(self._moments):
             now, before = signals[name], self._moment[b]
             self._same_for[b] = self._same_for[b] + dt if now == before else 0.0
-            if abs(now - before) > p.moment_jump:
+            if abs(now - before) > self.moment_jump:
                 self._shift[b] += now - before
                 shifted[b] = True
-            dead[b] = dead[b] or self._same_for[b] > p.frozen_time - _ROUNDING
+            dead[b] = dead[b] or self._same_for[b] > self.frozen_time - _ROUNDING
             self._moment[b] = now
 
     def _moment_repairs(self, signals: Readings, dt: float) -> dict[str, float]:
@@ -321,23 +266,23 @@ class FaultSupervisor(Combined):
 
     def _directions(self, azimuth: float) -> list[tuple[float, float]]:
         """Cosine and sine of the azimuth of each blade."""
-        n = self.parameters.n_blades
+        n = self.n_blades
         angles = [azimuth + 2.0 * math.pi * b / n for b in range(n)]
         return [(math.cos(angle), math.sin(angle)) for angle in angles]
 
     def _watch_pitch(self, signals: Readings, dt: float) -> None:
         """Compare each pitch with the model of its drive."""
-        p, drives, encoders = self.parameters, self._flags["drive"], self._flags["encoder"]
-        reach = p.max_pitch_rate * dt
+        drives, encoders = self._flags["drive"], self._flags["encoder"]
+        reach = self.drive.max_rate * dt
         for b, name in enumerate(self._pitches):
-            target = min(max(self._demand[b], p.min_pitch), p.max_pitch)
+            target = min(max(self._demand[b], self.drive.min_pitch), self.drive.max_pitch)
             self._command[b] += min(max(target - self._command[b], -reach), reach)
             model, now = self._lags[b].update(self._command[b], dt), signals[name]
             jump, self._pitch[b] = abs(now - self._pitch[b]), now
-            encoders[b] = encoders[b] or jump > _FASTER * reach + 0.5 * p.pitch_tolerance
-            off = abs(now - model) > p.pitch_tolerance and not encoders[b]
+            encoders[b] = encoders[b] or jump > _FASTER * reach + 0.5 * self.pitch_tolerance
+            off = abs(now - model) > self.pitch_tolerance and not encoders[b]
             self._off_for[b] = self._off_for[b] + dt if off else 0.0
-            drives[b] = drives[b] or (off and self._off_for[b] > p.pitch_time - _ROUNDING)
+            drives[b] = drives[b] or (off and self._off_for[b] > self.pitch_time - _ROUNDING)
 
     def _deviation(self, signals: Readings) -> list[float]:
         """Deviation of the pitch of each blade from the model of its drive [rad]."""
@@ -345,15 +290,15 @@ class FaultSupervisor(Combined):
 
     def _watch_vane(self, signals: Readings, dt: float) -> None:
         """Find out whether the wind vane fails."""
-        p, now, wind = self.parameters, signals["yaw_error"], math.hypot(signals["wind_x"], signals["wind_y"])
+        now, wind = signals["yaw_error"], math.hypot(signals["wind_x"], signals["wind_y"])
         if now != self._vane:
             self._vane_same_for = 0.0
         elif wind != self._wind:
             self._vane_same_for += dt
         self._wind = wind
         jump = abs(math.remainder(now - self._vane, 2.0 * math.pi))
-        frozen = self._vane_same_for > p.frozen_time - _ROUNDING
-        self._vane_bad, self._vane = self._vane_bad or frozen or jump > p.vane_jump, now
+        frozen = self._vane_same_for > self.frozen_time - _ROUNDING
+        self._vane_bad, self._vane = self._vane_bad or frozen or jump > self.vane_jump, now
 
 
 def fault_supervisor_of(controller: Controller | None) -> FaultSupervisor | None:

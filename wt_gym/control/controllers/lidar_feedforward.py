@@ -17,13 +17,9 @@ from wt_gym.control.sensors import Lidar, LowPass
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike
-
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
-
-__all__ = ["SPACING", "LidarFeedforward", "LidarOptions", "ShiftablePitch"]
 
 _WINDS = np.linspace(1.0, 40.0, 157)
 SPACING = 0.01
@@ -73,68 +69,44 @@ class LidarFeedforward:
 
     Parameters
     ----------
-    winds, pitch : array_like
-        Steady collective pitch [rad] over the wind [m/s].
-    lidar : Lidar
-        Its nearest gate must be 1/k away at least.
-    wavenumber : float
-        k, where the filter begins to hold back [rad/m].
-    delay : float
-        Of the pitch against the filtered wind at the tower [s].
-    fade : AboveRated or None
-        Below rated nothing is shifted (`share`); None: always in full.
-    gain : float
-        Share of the slope of the steady pitch that is used [-].
+    **parameters
+        Of `LidarOptions`; the lag of the filter, 1/k, must be no longer than the way to the nearest gate.
 
     Attributes
     ----------
+    wavenumber : float
+        k, where the filter begins to hold back [rad/m].
     wind : float
         Filtered wind that the pitch follows [m/s]; NaN before the first step.
+
+    Raises
+    ------
+    ValueError
+        If the generator is a damper: over the wind the pitch that holds it goes up and down.
     """
 
-    def __init__(
-        self,
-        base: ShiftablePitch,
-        winds: ArrayLike,
-        pitch: ArrayLike,
-        lidar: Lidar,
-        wavenumber: float,
-        delay: float = 0.5,
-        fade: AboveRated | None = None,
-        gain: float = 1.0,
-    ) -> None:
-        if not isinstance(base, ShiftablePitch):
-            raise TypeError(f"a feed-forward needs a controller whose pitch can be shifted (shift_pitch), got {base!r}")
-        if min(lidar.ranges) < 1.0 / wavenumber:
-            raise ValueError(
-                f"the nearest gate of the lidar, {min(lidar.ranges):g} m, must not lie nearer than the lag of the "
-                f"filter, {1.0 / wavenumber:g} m: a range or a wavenumber is too small"
-            )
-        self.base, self.lidar, self.wavenumber, self.delay, self.fade = base, lidar, wavenumber, delay, fade
-        self._winds, self._steady = np.asarray(winds, dtype=np.float64), gain * np.asarray(pitch, dtype=np.float64)
-        self._readings = tuple(f"lidar_{k + 1}" for k in range(len(lidar.ranges)))
-        self.channels = tuple(dict.fromkeys((*base.channels, "rotor_speed", *self._readings)))
-        self.wind, self._share = math.nan, 0.0
-        self._travel_speed = LowPass(30.0)
-        self._forget()
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, base: ShiftablePitch, **parameters: Any) -> LidarFeedforward:
-        """By rule for a turbine, with parameters of `LidarOptions`.
-
-        Raises
-        ------
-        ValueError
-            If the generator is a damper: over the wind the pitch that holds it goes up and down.
-        """
+    def __init__(self, turbine: Turbine, base: ShiftablePitch, **parameters: Any):
+        o, diameter = LidarOptions(**parameters), turbine.rotor_diameter
         if not turbine.drivetrain.takes_torque:
             raise ValueError(
                 f"{turbine.name} has a damper as generator: its steady pitch must be a function of the wind speed"
             )
-        o, diameter = LidarOptions(**parameters), turbine.rotor_diameter
-        pitch = [operating_point(turbine, wind).pitch for wind in _WINDS.tolist()]
-        lidar, fade = o.lidar or Lidar.for_rotor(diameter), AboveRated.of_turbine(turbine, o.fade)
-        return cls(base, _WINDS, pitch, lidar, 1.0 / (o.filter_length * diameter), o.delay, fade, o.gain)
+        if not isinstance(base, ShiftablePitch):
+            raise TypeError(f"a feed-forward needs a controller whose pitch can be shifted (shift_pitch), got {base!r}")
+        lidar, lag = o.lidar or Lidar.for_rotor(diameter), o.filter_length * diameter
+        if min(lidar.ranges) < lag:
+            raise ValueError(
+                f"the nearest gate of the lidar, {min(lidar.ranges):g} m, must not lie nearer than the lag of the "
+                f"filter, {lag:g} m: a range or filter_length is too small"
+            )
+        self.base, self.lidar, self.wavenumber, self.delay = base, lidar, 1.0 / lag, o.delay
+        self.fade, self.winds = AboveRated.of_turbine(turbine, o.fade), _WINDS
+        self.steady_pitch = o.gain * np.array([operating_point(turbine, wind).pitch for wind in _WINDS.tolist()])
+        self._readings = tuple(f"lidar_{k + 1}" for k in range(len(lidar.ranges)))
+        self.channels = tuple(dict.fromkeys((*base.channels, "rotor_speed", *self._readings)))
+        self._travel_speed = LowPass(30.0)
+        self.wind, self._traveled, self._share = math.nan, 0.0, 0.0
+        self._forget()
 
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start the base from the present demand; of the wind only the present reading of the lidar is known."""
@@ -198,7 +170,7 @@ class LidarFeedforward:
             del self._at[:old], self._seen[:old]
 
     def _pitch_in(self, wind: float) -> float:
-        return float(np.interp(wind, self._winds, self._steady))
+        return float(np.interp(wind, self.winds, self.steady_pitch))
 
     @staticmethod
     def _mean(values: Sequence[float]) -> float:

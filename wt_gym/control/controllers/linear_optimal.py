@@ -55,13 +55,6 @@ if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Controller, Readings
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "FIT_TIME", "FORMAT", "LEAST_CHANGE", "OUTPUTS", "SHIPPED", "LinearDesign", "LinearOptimalPitch",
-    "LinearOptions", "ModelFit", "PitchOffsets", "bin_means", "channels_read", "default_limits", "delay_bins",
-    "linear_part", "load_design", "measured_outputs", "offset_fade", "recorded_outputs", "save_design", "seen_bins",
-    "side_sign", "spread_over_bins", "without_lasting",
-]  # fmt: skip
-
 OUTPUTS = ("flap_mean", "flap_tilt", "flap_yaw", "acceleration_fore_aft", "acceleration_side_side", "rotor_speed")
 """Flapwise root moments [N m], accelerations of the nacelle [m/s^2] and rotor speed [rad/s]."""
 
@@ -227,20 +220,9 @@ class LinearDesign:
     def __deepcopy__(self, memo: dict[int, Any]) -> LinearDesign:
         return self  # nothing in it changes
 
-    @property
-    def turbine(self) -> str:
-        """Name of the turbine that it was made for, "" where the record has none."""
-        return str(self.record.get("turbine", ""))
-
 
 def save_design(design: LinearDesign, path: str | Path) -> None:
-    """Write a design, in single precision.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
-    """
+    """Write a design, in single precision."""
     head = {"format": FORMAT, **{name: getattr(design, name) for name in _NUMBERS}, "record": design.record}
     head["fine_speed"] = None if design.fine_speed is None else list(design.fine_speed)
     arrays = {name: getattr(design, name).astype(np.float32) for name in _ARRAYS}
@@ -253,10 +235,8 @@ def load_design(path: str | Path) -> LinearDesign:
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    wt_gym.base.errors.ControllerError
-        If it is none, or of a version that is not known.
+    FileNotFoundError, wt_gym.base.errors.ControllerError
+        If there is no such file; if it is none, or of a version that is not known.
     """
     file = Path(path)
     if not file.is_file():
@@ -371,7 +351,7 @@ class PitchOffsets:
     Raises
     ------
     ValueError
-        For a turbine of less than three blades, or limits out of range.
+        For a turbine of less than three blades.
     """
 
     def __init__(
@@ -379,10 +359,6 @@ class PitchOffsets:
     ) -> None:
         if turbine.n_blades < 3:
             raise ValueError(f"offsets in the fixed frame need at least 3 blades, got {turbine.n_blades}")
-        if not (0.0 <= limit < math.inf and 0.0 < rate_limit < math.inf):
-            raise ValueError(
-                f"limit must be finite and not negative, rate_limit finite and positive; got {limit!r}, {rate_limit!r}"
-            )
         self.limit, self.rate_limit = limit, rate_limit
         self.drive, self.n_blades = turbine.pitch, turbine.n_blades
         self.fade = AboveRated.of_turbine(turbine, fade)
@@ -498,12 +474,8 @@ class LinearOptimalPitch:
 
         Raises
         ------
-        ValueError
-            If no design is shipped for the turbine.
-        FileNotFoundError
-            If there is no such file.
-        wt_gym.base.errors.ControllerError
-            If the file is not a design.
+        ValueError, FileNotFoundError, wt_gym.base.errors.ControllerError
+            If no design is shipped for the turbine; if there is no such file; if it is not a design.
         """
         o = LinearOptions(**parameters)
         return cls(turbine, load_design(_shipped(turbine) if o.file is None else o.file), o.gain)
@@ -518,7 +490,8 @@ class LinearOptimalPitch:
         self._lasting[:] = self.disturbance[:] = 0.0
         self._sum[:] = 0.0
         self.fit.start()
-        self._wanted, self._age, self._acted_for, self._fresh = (0.0, 0.0, 0.0), 0.0, 0.0, True
+        self._wanted: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self._age, self._acted_for, self._fresh = 0.0, 0.0, True
 
     def see_demand(self, base: Demand, demand: Demand, signals: Readings, dt: float) -> None:
         """Take what an agent added to the demand of the base controller for an offset of this controller's own.
@@ -563,8 +536,16 @@ class LinearOptimalPitch:
         slow = self._schedule.update(pitch, dt)
         passed = int(self._age + 1e-6)
         if self._fresh or passed > 0:
-            self._remember(passed)
-            self._wanted = self._decide(signals, slow, passed)
+            if passed > 0:  # the mean of the offsets since the last decision acted in each of the intervals
+                _shift(self._acted, passed)
+                self._acted[:, :passed] = (self._sum / self._acted_for)[:, None]
+                self._sum[:] = 0.0
+                self._acted_for = 0.0
+            found, measured = self._found(signals, self._acted, slow)
+            self.fit.update(found, measured - found, passed)
+            self._past, self._lasting = self._moved(found, passed)
+            self.disturbance[:] = found * self.design.scale
+            self._wanted = tuple(self._answer(self._past, slow).tolist())
             self._age -= passed
             self._fresh = False
         mean, tilt, yaw = self._wanted
@@ -574,36 +555,16 @@ class LinearOptimalPitch:
         self._sum += dt * np.array(self.offsets.acting)
         return changed
 
-    def _remember(self, passed: int) -> None:
-        """Take the mean of the offsets since the last decision for each of the intervals that passed."""
-        if passed > 0:
-            _shift(self._acted, passed)
-            self._acted[:, :passed] = (self._sum / self._acted_for)[:, None]
-            self._sum[:] = 0.0
-            self._acted_for = 0.0
-
-    def _decide(self, signals: Readings, pitch: float, passed: int) -> tuple[float, float, float]:
-        """Offsets of what is measured now, at a slow pitch [rad], after so many intervals without a decision."""
-        found, measured = self._found(signals, self._acted, pitch)
-        self.fit.update(found, measured - found, passed)
-        self._past, self._lasting = self._moved(found, passed)
-        self.disturbance[:] = found * self.design.scale
-        mean, tilt, yaw = self._answer(self._past, pitch).tolist()
-        return mean, tilt, yaw
-
     def _found(
         self, signals: Readings, acted: NDArray[np.float64], pitch: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Disturbances over scales (6,), which are what is measured less what the offsets did, and what is measured."""
-        design = self.design
-        found = np.empty(len(OUTPUTS))
+        design, found = self.design, np.empty(len(OUTPUTS))
         measured_outputs(signals, self.n_blades, self.sign, found)
         found /= design.scale
         measured = found.copy()
-        low, weight = _place(design.pitch, pitch)
-        for k, share in ((low, 1.0 - weight), (low + 1, weight)):
-            if share > 0.0:
-                found -= share * (design.responses[k].reshape(len(OUTPUTS), -1) @ acted.reshape(-1))
+        for k, share in _place(design.pitch, pitch):
+            found -= share * (design.responses[k].reshape(len(OUTPUTS), -1) @ acted.reshape(-1))
         return found, measured
 
     def _moved(self, found: NDArray[np.float64], passed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -621,12 +582,9 @@ class LinearOptimalPitch:
 
     def _answer(self, past: NDArray[np.float64], pitch: float) -> NDArray[np.float64]:
         """Offsets (3,) that the past of the disturbances asks for at a slow pitch [rad]."""
-        design = self.design
-        low, weight = _place(design.pitch, pitch)
         wanted = np.zeros(3)
-        for k, share in ((low, 1.0 - weight), (low + 1, weight)):
-            if share > 0.0:
-                wanted += share * self.gain * (design.gains[k].reshape(3, -1) @ past.reshape(-1))
+        for k, share in _place(self.design.pitch, pitch):
+            wanted += share * self.gain * (self.design.gains[k].reshape(3, -1) @ past.reshape(-1))
         return wanted
 
 
@@ -636,12 +594,13 @@ def _shift(rows: NDArray[np.float64], steps: int) -> None:
         rows[:, steps:] = rows[:, :-steps].copy()
 
 
-def _place(knots: NDArray[np.float64], value: float) -> tuple[int, float]:
-    """Index of the knot below and the share of the one above; beyond the ends the last one alone."""
+def _place(knots: NDArray[np.float64], value: float) -> list[tuple[int, float]]:
+    """Knots on both sides of a value with their shares, as far as these are above zero; beyond the ends one alone."""
     if value <= knots[0] or len(knots) == 1:
-        return 0, 0.0
+        return [(0, 1.0)]
     k = min(int(np.searchsorted(knots, value)) - 1, len(knots) - 2)
-    return k, min(float((value - knots[k]) / (knots[k + 1] - knots[k])), 1.0)
+    weight = min(float((value - knots[k]) / (knots[k + 1] - knots[k])), 1.0)
+    return [(index, share) for index, share in ((k, 1.0 - weight), (k + 1, weight)) if share > 0.0]
 
 
 def _shipped(turbine: Turbine) -> Path:

@@ -35,42 +35,15 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Option, Options, options_of
 from wt_gym.control.bladed.controller import BladedController, BladedOptions
 from wt_gym.control.bladed.rosco import RoscoController, RoscoOptions, rosco_library
-from wt_gym.control.controllers.additions import (
-    ForeAftDamper,
-    ForeAftOptions,
-    IndividualPitch,
-    IndividualPitchOptions,
-    SideSideDamper,
-    SideSideOptions,
-    YawByDeadBand,
-    YawOptions,
-)
+from wt_gym.control.controllers import additions, linear_optimal, own, power_tracking, tsr_tracking
 from wt_gym.control.controllers.controller import Combined, Controller, is_addition, is_controller
 from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, FaultSupervisorOptions
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward, LidarOptions
-from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, LinearOptions
-from wt_gym.control.controllers.own import (
-    TUNED,
-    OwnOptions,
-    RetunedOptions,
-    own_controller,
-    record_of,
-    retuned_controller,
-    tuned_parameters,
-)
-from wt_gym.control.controllers.power_tracking import DerateOptions, KineticOptions, PowerTracking
+from wt_gym.control.controllers.own import TUNED, record_of, tuned_parameters
 from wt_gym.control.controllers.supervisor import Supervisor, SupervisorOptions
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingOptions
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "ADDITIONS", "ALIASES", "BASELINE", "BASES", "COMPILED", "CONTROLLERS", "GUARDS", "PREFIX", "SHORT_FOR", "WRAPPERS",
-    "Name", "call_maker", "compiled_files", "controller_parameters", "controller_summary", "declared_parameters",
-    "default_text", "is_agent_class", "load_class", "make_controller", "name_and_parameters", "parse_name",
-    "source_digest",
-]  # fmt: skip
 
 # ---- the catalogue ----
 
@@ -92,16 +65,16 @@ class Entry:
 
 CATALOGUE = {
     "discon": Entry(
-        "base", "The turbine's own controller, with published constants where its data have them.", own_controller,
-        OwnOptions,
+        "base", "The turbine's own controller, with published constants where its data have them.", own.own_controller,
+        own.OwnOptions,
     ),
     "retuned": Entry(
         "base", "The turbine's own controller, below rated at the best tip-speed ratio of the turbine as simulated.",
-        retuned_controller, RetunedOptions,
+        own.retuned_controller, own.RetunedOptions,
     ),
     "tsr_tracking": Entry(
         "base", "Tip-speed-ratio tracking with a wind estimate, set-point smoothing, peak shaving.",
-        TsrTrackingController.of_turbine, TsrTrackingOptions,
+        tsr_tracking.TsrTrackingController.of_turbine, tsr_tracking.TsrTrackingOptions,
     ),
     "rosco": Entry(
         "base", "NREL's reference open-source controller itself, from the package rosco.", RoscoController,
@@ -110,71 +83,67 @@ CATALOGUE = {
     "bladed": Entry("base", "A compiled controller with the Bladed interface.", BladedController, BladedOptions),
     "derate_speed": Entry(
         "wrapper", "No more power than is demanded, by a lower rotor speed.",
-        partial(PowerTracking.of_turbine, way="speed"), DerateOptions,
+        power_tracking.PowerTracking, power_tracking.DerateOptions, {"way": "speed"},
     ),
     "derate_torque": Entry(
         "wrapper", "No more power than is demanded, by a lower torque at rated speed.",
-        partial(PowerTracking.of_turbine, way="torque"), DerateOptions,
+        power_tracking.PowerTracking, power_tracking.DerateOptions, {"way": "torque"},
     ),
     "derate_pitch": Entry(
         "wrapper", "No more power than is demanded, by a higher least pitch that keeps a reserve.",
-        partial(PowerTracking.of_turbine, way="pitch"), DerateOptions,
+        power_tracking.PowerTracking, power_tracking.DerateOptions, {"way": "pitch"},
     ),
     "derate_kinetic": Entry(
         "wrapper", "The demanded power, by torque, with the rotor as a store where the wind is too weak.",
-        partial(PowerTracking.of_turbine, way="kinetic"), KineticOptions,
+        power_tracking.PowerTracking, power_tracking.KineticOptions, {"way": "kinetic"},
     ),
     "lidar": Entry(
-        "wrapper", "Collective pitch ahead of the wind that a lidar sees.", LidarFeedforward.of_turbine, LidarOptions
+        "wrapper", "Collective pitch ahead of the wind that a lidar sees.", LidarFeedforward, LidarOptions
     ),
     "supervisor": Entry(
-        "wrapper", "Start-up, shut-down, soft or hard cut-out and restart around a base.", Supervisor.of_turbine,
+        "wrapper", "Start-up, shut-down, soft or hard cut-out and restart around a base.", Supervisor,
         SupervisorOptions,
     ),
     "ipc": Entry(
-        "addition", "Individual pitch against the load once per revolution.", IndividualPitch.of_turbine,
-        IndividualPitchOptions,
+        "addition", "Individual pitch against the load once per revolution.", additions.IndividualPitch,
+        additions.IndividualPitchOptions,
     ),
     "ipc_2p": Entry(
-        "addition", "Individual pitch against the loads once and twice per revolution.", IndividualPitch.of_turbine,
-        IndividualPitchOptions, {"second_harmonic": 0.5},
+        "addition", "Individual pitch against the loads once and twice per revolution.", additions.IndividualPitch,
+        additions.IndividualPitchOptions, {"second_harmonic": 0.5},
     ),
     "constrained_ipc": Entry(
         "addition", "Individual pitch that acts only where the moment in the fixed frame leaves a band of this level.",
-        IndividualPitch.of_turbine, IndividualPitchOptions, {"level": 0.1},
+        additions.IndividualPitch, additions.IndividualPitchOptions, {"level": 0.1},
     ),
     "linear_pitch": Entry(
         "addition", "Mean, tilt and yaw pitch that a least-squares design made, beside a side-side damper.",
-        LinearOptimalPitch.of_turbine, LinearOptions,
+        linear_optimal.LinearOptimalPitch.of_turbine, linear_optimal.LinearOptions,
     ),
     "fore_aft_damper": Entry(
-        "addition", "Damper of the tower's fore-aft motion by collective pitch.", ForeAftDamper.of_turbine,
-        ForeAftOptions,
+        "addition", "Damper of the tower's fore-aft motion by collective pitch.", additions.ForeAftDamper,
+        additions.ForeAftOptions,
     ),
     "side_side_damper": Entry(
-        "addition", "Damper of the tower's side-side motion by generator torque.", SideSideDamper.of_turbine,
-        SideSideOptions,
+        "addition", "Damper of the tower's side-side motion by generator torque.", additions.SideSideDamper,
+        additions.SideSideOptions,
     ),
-    "yaw": Entry("addition", "Yaw by dead-band.", YawByDeadBand.of_turbine, YawOptions),
+    "yaw": Entry("addition", "Yaw by dead-band.", additions.YawByDeadBand, additions.YawOptions),
     "fault_supervisor": Entry(
         "guard", "Watches drives and sensors, repairs readings, falls back to collective pitch.",
-        FaultSupervisor.of_turbine, FaultSupervisorOptions,
+        FaultSupervisor, FaultSupervisorOptions,
     ),
 }  # fmt: skip
 """Parts by name; wrappers in the order in which they stand around a base, the first within the others."""
 
 
-def _makers(kind: str) -> dict[str, Callable[..., Any]]:
-    return {name: entry.make for name, entry in CATALOGUE.items() if entry.kind == kind}
-
-
-BASES = _makers("base")
+BASES = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "base")
 """Controllers that decide on pitch and torque."""
-WRAPPERS = _makers("wrapper")
+WRAPPERS = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "wrapper")
 """Parts that work on a base before all additions, the first within the others."""
-ADDITIONS = _makers("addition")
+ADDITIONS = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "addition")
 """Parts that change the demand of a controller."""
-GUARDS = _makers("guard")
+GUARDS = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "guard")
 """Parts that stand around a base with all its additions."""
 SHORT_FOR = {
     "tower_dampers": ("fore_aft_damper", "side_side_damper"),
@@ -190,20 +159,10 @@ COMPILED = ("rosco", "bladed")
 
 @cache
 def declared_parameters(name: str) -> tuple[Option, ...]:
-    """Parameters of one name of the catalogue with unit, allowed values, default and meaning.
+    """Parameters of one name of `CONTROLLERS` with unit, allowed values, default and meaning.
 
     Those of a name that stands for several parts are called ``part__parameter``; the defaults of tuned ones are the
     results of the search.
-
-    Parameters
-    ----------
-    name : str
-        Of `CONTROLLERS`.
-
-    Raises
-    ------
-    ValueError
-        For another name.
 
     Examples
     --------
@@ -224,13 +183,7 @@ def declared_parameters(name: str) -> tuple[Option, ...]:
 
 
 def controller_parameters(name: str) -> dict[str, Any]:
-    """Parameters of one name of the catalogue with their defaults, see `declared_parameters`.
-
-    Examples
-    --------
-    >>> controller_parameters("retuned")
-    {'gain_factor': None}
-    """
+    """Parameters of one name of `CONTROLLERS` with their defaults, see `declared_parameters`."""
     return {parameter.name: parameter.default for parameter in declared_parameters(name)}
 
 
@@ -273,11 +226,16 @@ def _parts(choice: str) -> tuple[str, ...]:
             f"controller {choice!r} must be one of {', '.join(BASES)} first, then additions "
             f"({', '.join((*WRAPPERS, *ADDITIONS, *GUARDS))}), each once"
         )
-    place = {name: 1 + k for k, name in enumerate(WRAPPERS)} | dict.fromkeys(BASES, 0)
-    return tuple(sorted(parts, key=lambda part: place.get(part, 1 + len(WRAPPERS))))
+    kinds, wrappers = ("base", "wrapper", "addition", "guard"), list(WRAPPERS)
+    place = {
+        part: (kinds.index(CATALOGUE[part].kind), wrappers.index(part) if part in WRAPPERS else 0) for part in parts
+    }
+    return tuple(sorted(parts, key=lambda part: place[part]))
 
 
-def _distribute(parts: tuple[str, ...], parameters: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def _distribute(
+    parts: tuple[str, ...], parameters: Mapping[str, Any], turbine: Turbine | None = None
+) -> dict[str, dict[str, Any]]:
     """Parameters of each part, checked."""
     allowed = {part: {parameter.name: parameter for parameter in declared_parameters(part)} for part in parts}
     values: dict[str, dict[str, Any]] = {part: {} for part in parts}
@@ -290,7 +248,12 @@ def _distribute(parts: tuple[str, ...], parameters: Mapping[str, Any]) -> dict[s
             raise ValueError(f"no parameter {key!r} in controller {'+'.join(parts)!r}; there are {known}{near}")
         if len(owners) > 1:
             raise ValueError(f"parameter {key!r} belongs to {' and '.join(owners)}; write {owners[0]}__{name}")
-        values[owners[0]][name] = allowed[owners[0]][name].checked(value)
+        parameter = allowed[owners[0]][name]
+        if turbine is not None and not parameter.belongs_to(turbine):
+            raise ValueError(
+                f"{name} must be left out for {turbine.name}: it is the {parameter.meaning}, got {value!r}"
+            )
+        values[owners[0]][name] = parameter.checked(value)
     return values
 
 
@@ -298,38 +261,25 @@ def _of_catalogue(choice: str, turbine: Turbine, parameters: Mapping[str, Any]) 
     """Controller of names of the catalogue joined with "+"."""
     parts = _parts(choice)
     tuned = {k: v for name in choice.split("+") if name in TUNED for k, v in tuned_parameters(name, turbine).items()}
-    values = _distribute(parts, tuned | dict(parameters))
+    values = _distribute(parts, tuned | dict(parameters), turbine)
 
-    def made(kind: str, *inside: Any) -> list[Any]:
-        entries = [(part, CATALOGUE[part]) for part in parts if CATALOGUE[part].kind == kind]
-        return [entry.make(turbine, *inside, **{**entry.defaults, **values[part]}) for part, entry in entries]
-
-    controller: Controller = made("base")[0]
+    inside: list[Any] = []  # the controller so far, and its additions
     for part in parts:
-        if part in WRAPPERS:
-            controller = WRAPPERS[part](turbine, controller, **values[part])
-    additions = made("addition")
-    if guards := made("guard", controller, *additions):
-        controller = guards[0]
-    elif additions:
-        controller = Combined(controller, *additions)
+        entry = CATALOGUE[part]
+        stands_on = () if entry.kind == "addition" else inside
+        made = entry.make(turbine, *stands_on, **{**entry.defaults, **values[part]})
+        inside = [*inside, made] if entry.kind == "addition" else [made]
+    controller: Controller = Combined(*inside) if len(inside) > 1 else inside[0]
     return controller
 
 
 def compiled_files(choice: str, parameters: Mapping[str, Any]) -> tuple[Path, ...]:
     """Files of others that decide on what a controller does: libraries and their input files.
 
-    Parameters
-    ----------
-    choice : str
-        Names of `CONTROLLERS` joined with "+".
-
     Raises
     ------
-    ValueError
-        See `make_controller`.
-    wt_gym.base.errors.ControllerError
-        If the package ``rosco`` is needed and not installed.
+    ValueError, wt_gym.base.errors.ControllerError
+        See `make_controller`; if the package ``rosco`` is needed and not installed.
     """
     parts = _parts(choice)
     values = _distribute(parts, parameters)
@@ -398,10 +348,9 @@ def parse_name(
 
     Raises
     ------
-    ValueError
-        If it is none of them, with what is allowed and what is near; or if parameters are malformed.
-    FileNotFoundError
-        If it looks like a path, and nothing is there.
+    ValueError, FileNotFoundError
+        If it is none of them, with what is allowed and what is near, or if parameters are malformed; if it looks like a
+        path, and nothing is there.
 
     Examples
     --------
@@ -499,13 +448,9 @@ def _literal(value: str) -> Any:
 
 
 def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
-    """Name and parameters of a controller from ``name:key=value,key=value``.
+    """Name and parameters of a controller from ``name:key=value,key=value``; aliases are resolved.
 
-    Parameters
-    ----------
-    choice : str
-        Values are Python literals: numbers, True, False or None; words too for your own class. Aliases are
-        resolved.
+    Values are Python literals: numbers, True, False or None; words too for your own class.
 
     Raises
     ------
@@ -516,8 +461,6 @@ def name_and_parameters(choice: str) -> tuple[str, dict[str, Any]]:
     --------
     >>> name_and_parameters("constrained_ipc+yaw:level=0.1,dead_band=0.05")
     ('constrained_ipc+yaw', {'level': 0.1, 'dead_band': 0.05})
-    >>> name_and_parameters("baseline")
-    ('discon', {})
     >>> name_and_parameters("bladed:lib/mine.so:interval=0.0125,input_file=mine.in")
     ('bladed', {'library': 'lib/mine.so', 'interval': 0.0125, 'input_file': 'mine.in'})
     """
@@ -555,10 +498,8 @@ def load_class(target: str) -> Any:
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If there is no such module, or it has no such name.
+    FileNotFoundError, ValueError
+        If there is no such file; no such module, or it has no such name.
     """
     place, _, name = target.rpartition(":")
     module = _module_of_file(Path(place)) if place.endswith(".py") else _module(place, target)
@@ -575,13 +516,7 @@ def load_class(target: str) -> Any:
 
 
 def call_maker(target: str, maker: Callable[..., Any], arguments: dict[str, Any]) -> Any:
-    """Call a class or function of a file, named ``target`` in the message, with keyword arguments.
-
-    Raises
-    ------
-    ValueError
-        If it takes other arguments.
-    """
+    """Call a class or function of a file, named ``target`` in the message, with keyword arguments."""
     try:
         signature = inspect.signature(maker)
         signature.bind(**arguments)
@@ -591,15 +526,7 @@ def call_maker(target: str, maker: Callable[..., Any], arguments: dict[str, Any]
 
 
 def source_digest(target: str) -> str:
-    """SHA-256 sum of the file in which a class is written, which identifies its version; its imports do not count.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If there is no such module, or it has no source.
-    """
+    """SHA-256 sum of the file in which a class is written, which identifies its version; its imports do not count."""
     place = target.rpartition(":")[0]
     source = _existing(Path(place)) if place.endswith(".py") else inspect.getsourcefile(_module(place, target))
     if source is None:
@@ -674,11 +601,6 @@ def make_controller(
         Of the parts, see `declared_parameters`. One that belongs to several parts of the name is told apart by the
         name of the part and two underscores: ``ipc__limit=0.05``. For a class or function they are its keyword
         arguments.
-
-    Returns
-    -------
-    Controller
-        Not started.
 
     Raises
     ------

@@ -22,6 +22,7 @@ import json
 import math
 from dataclasses import replace
 from functools import cache, lru_cache
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,57 +31,43 @@ from wt_gym.base.options import Options, option, option_record
 from wt_gym.base.warn_once import warn_once
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController, GainTable
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
-from wt_gym.control.design import same_rotor
-from wt_gym.control.operating_point import design_point, tracks_tip_speed_ratio
+from wt_gym.control.design import design_point, same_rotor
+from wt_gym.control.operating_point import tracks_tip_speed_ratio
 from wt_gym.control.rotor import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.stability import check_speed_loop, check_torque_curve, growing_mode, growth
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from wt_gym.control.controllers.controller import Controller
     from wt_gym.turbines import Turbine
 
-__all__ = [
-    "FOUND", "TUNED", "OwnOptions", "RetunedOptions", "own_controller", "own_law", "own_parameters", "record_of",
-    "retuned_controller", "retuned_parameters", "tuned_parameters",
-]  # fmt: skip
 
+def _own(meaning: str, unit: str, name: str, row: str = "", **more: Any) -> Any:
+    """Option that is the turbine's own number by default; with a table of gains the first one of a row, or none."""
 
-def _field(name: str) -> Callable[[Turbine], float]:
-    """A number of the turbine's own controller."""
-    return lambda turbine: float(getattr(BaselineParameters.from_turbine(turbine), name))
-
-
-def _gain(row: str, otherwise: str) -> Callable[[Turbine], float]:
-    """First gain of the table, or that without a table."""
-
-    def in_use(turbine: Turbine) -> float:
+    def in_use(turbine: Turbine) -> float | None:
         made = BaselineParameters.from_turbine(turbine)
-        return float(getattr(made, otherwise) if made.gain_table is None else getattr(made.gain_table, row)[0])
+        if made.gain_table is not None and name in ("proportional_gain", "integral_gain", "gain_doubling_pitch"):
+            return float(getattr(made.gain_table, row)[0]) if row else None
+        return float(attrgetter(name)(made))
 
-    return in_use
-
-
-def _doubling(turbine: Turbine) -> float | None:
-    made = BaselineParameters.from_turbine(turbine)
-    return made.gain_doubling_pitch if made.gain_table is None else None
+    limits = {"low": 0.0, "in_use": in_use} | more
+    return option(meaning, default=None, unit=unit, otherwise="the turbine's own", **limits)
 
 
-def _pole(name: str) -> Callable[[Turbine], float | None]:
+def _pole(name: str, unit: str) -> Any:
     """Frequency or damping ratio of gains by rule; None where gains are published."""
 
     def in_use(turbine: Turbine) -> float | None:
         by_rule = turbine.control is None or turbine.control.gain_pitch is None
         return float(getattr(design_point(turbine), name)) if by_rule else None
 
-    return in_use
-
-
-def _region_2_gain(turbine: Turbine) -> float:
-    return BaselineParameters.from_turbine(turbine).torque.region_2_gain
+    meaning, otherwise = (
+        "of the speed loop: gains by rule in place of published ones",
+        "gains as published, else by rule",
+    )
+    return option(meaning, default=None, unit=unit, low=0.0, above=True, otherwise=otherwise, in_use=in_use)
 
 
 def _tip_speed_ratio(turbine: Turbine) -> float:
@@ -94,8 +81,7 @@ def _has_torque_curve(turbine: Turbine) -> bool:
     return not tracks_tip_speed_ratio(turbine)
 
 
-_ITS_OWN = "the turbine's own"
-_BY_POLES = "gains as published, else by rule"
+_ANGLES: dict[str, Any] = {"low": -math.pi, "high": math.pi, "only_of": _has_torque_curve}
 
 
 @option_record
@@ -104,59 +90,40 @@ class OwnOptions(Options):
 
     title = "discon"
 
-    kp: float | None = option(
+    kp: float | None = _own(
         "proportional gain from generator speed to pitch at zero pitch, or at the first of a table, whose other gains "
-        "keep their ratio to it", default=None, unit="s", low=0.0, otherwise=_ITS_OWN,
-        in_use=_gain("proportional", "proportional_gain"),
+        "keep their ratio to it", "s", "proportional_gain", "proportional",
     )  # fmt: skip
-    ki: float | None = option(
-        "integral gain from generator speed to pitch, likewise", default=None, unit="-", low=0.0, above=True,
-        otherwise=_ITS_OWN, in_use=_gain("integral", "integral_gain"),
+    ki: float | None = _own(
+        "integral gain from generator speed to pitch, likewise", "-", "integral_gain", "integral", above=True
+    )
+    gain_doubling_pitch: float | None = _own(
+        "pitch at which the gains are halved; takes the place of a table", "rad", "gain_doubling_pitch", above=True
+    )
+    natural_frequency: float | None = _pole("natural_frequency", "rad/s")
+    damping_ratio: float | None = _pole("damping_ratio", "-")
+    corner_frequency: float | None = _own(
+        "of the low-pass filter on the generator speed", "rad/s", "corner_frequency", above=True
+    )
+    filter_damping: float | None = _own("of that filter; 0: first order", "-", "filter_damping")
+    notch_frequency: float | None = _own("of a notch before that filter; 0: none", "rad/s", "notch_frequency")
+    reference_speed: float | None = _own(
+        "generator speed that is held above rated", "rad/s", "reference_speed", above=True
+    )
+    min_pitch: float | None = _own("least pitch, of a controller with a torque curve", "rad", "min_pitch", **_ANGLES)
+    region_3_min_pitch: float | None = _own(
+        "pitch from which on region 3 holds, of a controller with a torque curve",
+        "rad",
+        "region_3_min_pitch",
+        **_ANGLES,
+    )
+    region_2_gain: float | None = _own(
+        "torque over generator speed squared below rated, of a torque curve", "N m s²/rad²", "torque.region_2_gain",
+        above=True, only_of=_has_torque_curve,
     )  # fmt: skip
-    gain_doubling_pitch: float | None = option(
-        "pitch at which the gains are halved; takes the place of a table", default=None, unit="rad", low=0.0,
-        above=True, otherwise=_ITS_OWN, in_use=_doubling,
-    )  # fmt: skip
-    natural_frequency: float | None = option(
-        "of the speed loop: gains by rule in place of published ones", default=None, unit="rad/s", low=0.0, above=True,
-        otherwise=_BY_POLES, in_use=_pole("natural_frequency"),
-    )  # fmt: skip
-    damping_ratio: float | None = option(
-        "of the speed loop: gains by rule in place of published ones", default=None, unit="-", low=0.0, above=True,
-        otherwise=_BY_POLES, in_use=_pole("damping_ratio"),
-    )  # fmt: skip
-    corner_frequency: float | None = option(
-        "of the low-pass filter on the generator speed", default=None, unit="rad/s", low=0.0, above=True,
-        otherwise=_ITS_OWN, in_use=_field("corner_frequency"),
-    )  # fmt: skip
-    filter_damping: float | None = option(
-        "of that filter; 0: first order", default=None, unit="-", low=0.0, otherwise=_ITS_OWN,
-        in_use=_field("filter_damping"),
-    )  # fmt: skip
-    notch_frequency: float | None = option(
-        "of a notch before that filter; 0: none", default=None, unit="rad/s", low=0.0, otherwise=_ITS_OWN,
-        in_use=_field("notch_frequency"),
-    )  # fmt: skip
-    reference_speed: float | None = option(
-        "generator speed that is held above rated", default=None, unit="rad/s", low=0.0, above=True,
-        otherwise=_ITS_OWN, in_use=_field("reference_speed"),
-    )  # fmt: skip
-    min_pitch: float | None = option(
-        "least pitch, of a controller with a torque curve", default=None, unit="rad", low=-math.pi, high=math.pi,
-        otherwise=_ITS_OWN, in_use=_field("min_pitch"), only_of=_has_torque_curve,
-    )  # fmt: skip
-    region_3_min_pitch: float | None = option(
-        "pitch from which on region 3 holds, of a controller with a torque curve", default=None, unit="rad",
-        low=-math.pi, high=math.pi, otherwise=_ITS_OWN, in_use=_field("region_3_min_pitch"), only_of=_has_torque_curve,
-    )  # fmt: skip
-    region_2_gain: float | None = option(
-        "torque over generator speed squared below rated, of a torque curve", default=None, unit="N m s²/rad²",
-        low=0.0, above=True, otherwise=_ITS_OWN, in_use=_region_2_gain, only_of=_has_torque_curve,
-    )  # fmt: skip
-    tip_speed_ratio: float | None = option(
-        "ratio that is run at below rated", default=None, unit="-", low=0.0, above=True, otherwise=_ITS_OWN,
-        in_use=_tip_speed_ratio,
-    )  # fmt: skip
+    tip_speed_ratio: float | None = _own(
+        "ratio that is run at below rated", "-", "", above=True, in_use=_tip_speed_ratio
+    )
     thrust_limit: float | None = option(
         "largest steady thrust over the peak that it has without a limit, of a controller that estimates the wind",
         default=None, unit="-", low=0.0, high=1.0, above=True, otherwise="the published least pitch, if any",
@@ -165,12 +132,9 @@ class OwnOptions(Options):
 
 
 def own_parameters(turbine: Turbine, **parameters: Any) -> BaselineParameters:
-    """Constants of pitch law, filter and limits of a turbine's own controller, some of them chosen.
+    """Constants of pitch law, filter and limits of a turbine's own controller, with parameters of `OwnOptions`.
 
-    Parameters
-    ----------
-    **parameters
-        Of `OwnOptions`; those of the torque below rated have no effect here.
+    Those of the torque below rated have no effect here.
     """
     o = OwnOptions(**parameters)
     made = BaselineParameters.from_turbine(turbine)
@@ -201,47 +165,24 @@ def _scaled(table: GainTable, kp: float | None, ki: float | None) -> GainTable:
 
 
 def own_controller(turbine: Turbine, **parameters: Any) -> Controller:
-    """Make the turbine's own controller and look at its loop, above rated and below.
+    """Make the turbine's own controller with parameters of `OwnOptions`, and look at its loop, above rated and below.
 
     See `wt_gym.control.stability`. Where the published numbers of a controller that estimates the wind leave a growing
     mode below rated, its torque gains are those by rule, else its least pitch, else both, with a warning.
 
-    Parameters
-    ----------
-    **parameters
-        Of `OwnOptions`.
-
     Raises
     ------
-    wt_gym.base.errors.ControllerError
-        If the closed loop is unstable.
-    ValueError
-        For a parameter that the turbine's controller does not have.
+    wt_gym.base.errors.ControllerError, ValueError
+        If the closed loop is unstable; for parameters that say the same.
     """
-    o, tracks = OwnOptions(**parameters), tracks_tip_speed_ratio(turbine)
-    if tracks and (unused := [name for name in ("min_pitch", "region_3_min_pitch") if name in parameters]):
-        raise ValueError(
-            f"{' and '.join(unused)} must be left out for {turbine.name}, whose controller has a least pitch over the "
-            f"estimated wind and no region 3 by pitch; thrust_limit changes that least pitch"
-        )
-    made = own_parameters(turbine, **parameters)
+    o, made = OwnOptions(**parameters), own_parameters(turbine, **parameters)
     check_speed_loop(turbine, made)
-    if tracks:
-        if o.region_2_gain is not None:
-            raise ValueError(
-                f"region_2_gain must be left out for {turbine.name}, whose controller tracks the tip-speed ratio: give "
-                f"tip_speed_ratio, got region_2_gain={o.region_2_gain!r}"
-            )
+    if tracks_tip_speed_ratio(turbine):
         tracked = {"tip_speed_ratio": o.tip_speed_ratio, "thrust_limit": o.thrust_limit}
         stable, _, note = _stable(turbine, made, tuple((k, v) for k, v in tracked.items() if v is not None))
         if note:
             warn_once(note, stacklevel=2)
         return TsrTrackingController(stable, _estimator(turbine, stable))
-    if o.thrust_limit is not None:
-        raise ValueError(
-            f"thrust_limit must be left out for {turbine.name}, whose controller estimates no wind: give it to "
-            f"'tsr_tracking', got thrust_limit={o.thrust_limit!r}"
-        )
     gain = o.region_2_gain
     if gain is not None and o.tip_speed_ratio is not None:
         raise ValueError("region_2_gain and tip_speed_ratio say the same; one of them must be left out")

@@ -28,29 +28,22 @@ Where no demanded power can be read, a share ``power_level`` of the rated power 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.controllers.controller import demanded_power_of
-from wt_gym.control.controllers.discon import BaselineController, BaselineParameters, DisconController
+from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
-from wt_gym.control.rotor import RotorTable, rotor_table
+from wt_gym.control.rotor import rotor_table
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Controller, Readings
-    from wt_gym.control.controllers.discon import BaselineState
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "WAYS", "DerateOptions", "KineticOptions", "PowerTracking", "PowerTrackingLaw", "pitch_over_share",
-
-]  # fmt: skip
 
 WAYS = ("speed", "torque", "pitch", "kinetic")
 """How a rotor is held back."""
@@ -89,21 +82,17 @@ class KineticOptions(DerateOptions):
     )
 
 
-def pitch_over_share(turbine: Turbine, table: RotorTable | None = None) -> NDArray[np.float64]:
+def pitch_over_share(turbine: Turbine) -> NDArray[np.float64]:
     """Least pitch by which a share of the largest power coefficient is left at the best tip-speed ratio.
-
-    By default of the turbine's own table.
 
     Returns
     -------
     numpy.ndarray, shape (2, n)
         Shares of the power [-], ascending, and pitch [rad].
     """
-    table = rotor_table(turbine) if table is None else table
-    ratio, _ = table.optimum
-    least = BaselineParameters.from_turbine(turbine).min_pitch
+    table, least = rotor_table(turbine), BaselineParameters.from_turbine(turbine).min_pitch
     angles = np.linspace(least, float(table.pitch[-1]), 400)
-    at = np.array([table.power_coefficient(ratio, angle) for angle in angles.tolist()])
+    at = np.array([table.power_coefficient(table.optimum[0], angle) for angle in angles.tolist()])
     top = int(np.argmax(at))
     falling = np.minimum.accumulate(at[top:]) / at[top]
     pitch = np.interp(_SHARES, falling[::-1], angles[top:][::-1])
@@ -111,40 +100,49 @@ def pitch_over_share(turbine: Turbine, table: RotorTable | None = None) -> NDArr
     return np.array([_SHARES, pitch])
 
 
-class PowerTrackingLaw(BaselineController):
-    """Law of the baseline that makes no more than a power.
+class PowerTracking(DisconController):
+    """A controller that follows the demanded power: reads the generator speed and what is asked for.
 
     Parameters
     ----------
+    base : DisconController or TsrTrackingController
+        Whose constants are taken; of one that tracks the tip-speed ratio those of its pitch law, beside the torque
+        curve of the turbine.
     way : {"speed", "torque", "pitch", "kinetic"}
-    shares, pitch : array_like, shape (n,)
-        As of `pitch_over_share`.
-    store : KineticOptions
-        Speed at which the store is shut, by how much faster it is open, and rise of the reference speed.
+    **parameters
+        Of `KineticOptions`.
 
-    Attributes
-    ----------
-    power : float
-        On the shaft of the generator, to be set before a step [W].
+    Raises
+    ------
+    ValueError
+        If the generator is a damper, or the base is none with a torque curve.
     """
 
-    def __init__(
-        self, parameters: BaselineParameters, way: str, shares: ArrayLike, pitch: ArrayLike, store: KineticOptions
-    ) -> None:
-        super().__init__(parameters)
-        if way not in WAYS:
-            raise ValueError(f"the way must be one of {WAYS}, got {way!r}")
-        self.way, self.lowest_speed, self.band, self.raised = way, store.lowest_speed, store.band, store.raised
-        self._shares, self._share_pitch = np.asarray(shares, dtype=np.float64), np.asarray(pitch, dtype=np.float64)
-        self.power = parameters.torque.rated_power
-        curve = parameters.torque
+    def __init__(self, turbine: Turbine, base: Controller, way: str, **parameters: Any):
+        o = KineticOptions(**parameters)
+        if not turbine.drivetrain.takes_torque:
+            raise ValueError(f"{turbine.name} has a damper as generator: its torque must be a demand to follow a power")
+        if type(base) is DisconController:
+            constants = base.parameters
+        elif type(base) is TsrTrackingController:
+            constants = base.parameters.baseline
+        else:
+            raise ValueError(
+                "a demanded power can be followed on 'discon', 'retuned' or 'tsr_tracking': the base must be one of "
+                f"them, got a {type(base).__name__}"
+            )
+        super().__init__(constants)
+        self.way, self.lowest_speed, self.band, self.raised = way, o.lowest_speed, o.band, o.raised
+        self.level, self.generator_efficiency = o.power_level, turbine.drivetrain.generator_efficiency
+        self.shares, self.share_pitch = pitch_over_share(turbine)
+        curve = constants.torque
         self._least_speed_share = min(_ABOVE_REGION_2 * curve.region_2_speed / curve.rated_generator_speed, 1.0)
-        self._measured = math.nan
+        self._power, self._measured = curve.rated_power, math.nan  # on the shaft of the generator [W], its speed
 
     @property
     def share(self) -> float:
         """R: power over rated power, within limits [-]."""
-        return min(max(self.power / self.parameters.torque.rated_power, LEAST_SHARE), 1.0)
+        return min(max(self._power / self.parameters.torque.rated_power, LEAST_SHARE), 1.0)
 
     @property
     def speed_share(self) -> float:
@@ -157,35 +155,45 @@ class PowerTrackingLaw(BaselineController):
     def least_pitch(self) -> float:
         """Lower limit of the pitch [rad]."""
         least = self.parameters.min_pitch
-        if self.way != "pitch":
-            return least
-        return max(least, float(np.interp(self.share, self._shares, self._share_pitch)))
+        return max(least, float(np.interp(self.share, self.shares, self.share_pitch))) if self.way == "pitch" else least
 
-    def start(self, generator_speed: float, pitch: ArrayLike, torque: float = math.nan) -> None:
-        """Start bumplessly at rated speed, as of `BaselineController.start`, whatever the reference speed is."""
-        super().start(generator_speed, pitch, torque)
-        state, p = cast("BaselineState", self.state), self.parameters
+    def _read(self, signals: Readings) -> None:
+        """Take the speed and what is asked for."""
+        self._measured, demanded = float(signals["generator_speed"]), demanded_power_of(signals)
+        level = self.level * self.parameters.torque.rated_power
+        self._power = level if demanded is None else demanded / self.generator_efficiency
+
+    def start(self, signals: Readings, demand: Demand) -> None:
+        """Start bumplessly at rated speed, whatever the reference speed is."""
+        self._read(signals)
+        super().start(signals, demand)
+        p = self.parameters
         error = (1.0 - self.speed_share) * p.reference_speed
-        integral = p.pitch_law.holding(float(state.pitch[0]), error)
-        self.state = replace(state, speed_integral=float(integral))
+        self.speed_integral = float(p.pitch_law.holding(float(self.pitch[0]), error))
 
-    def step(self, generator_speed: float, dt: float) -> tuple[NDArray[np.float64], float]:
-        """Advance by one call; arguments and results as of `BaselineController.step`."""
-        self._measured = float(generator_speed)
-        return super().step(generator_speed, dt)
+    def step(self, signals: Readings, dt: float) -> Demand:
+        """Demand for the next ``dt`` [s]."""
+        self._read(signals)
+        return super().step(signals, dt)
 
-    def _torque_law(self, filtered_speed: float, pitch: float) -> float:
+    def shift_pitch(self, change: float) -> None:
+        """Move the present command, as of `DisconController.shift_pitch`, no lower than the least pitch."""
+        super().shift_pitch(max(change, min(self.least_pitch - float(self.pitch[0]), 0.0)))
+
+    def _torque_law(self, pitch: float) -> float:
         p, power = self.parameters, self.share * self.parameters.torque.rated_power
         pitched = pitch >= self.least_pitch + p.region_3_min_pitch - p.min_pitch
-        torque = min(self._curve(filtered_speed, power, pitched), p.max_torque)
+        torque = min(self._curve(power, pitched), p.max_torque)
         if self.way != "kinetic":
             return torque
         held = min(power / max(self._measured, 1e-3), p.max_torque)
-        return held if held < torque else torque + self._open(self._measured / p.reference_speed) * (held - torque)
+        speed = self._measured / p.reference_speed
+        x = min(max((speed - self.lowest_speed) / self.band, 0.0), 1.0)  # opening of the store
+        return held if held < torque else torque + x * x * (3.0 - 2.0 * x) * (held - torque)
 
-    def _curve(self, speed: float, power: float, pitched: bool) -> float:
+    def _curve(self, power: float, pitched: bool) -> float:
         """Torque of the curve, of its own rated speed, at most that of the power [N m]."""
-        p = self.parameters
+        p, speed = self.parameters, self.filtered_speed
         curve, share = p.torque, min(self.speed_share, 1.0)
         rated = share * curve.rated_generator_speed
         if speed <= 0.0:
@@ -201,91 +209,11 @@ class PowerTrackingLaw(BaselineController):
             torque = min(max(curve.torque(min(speed, curve.transition_speed)), line), power / speed)
         return torque if p.constant_power else min(torque, p.rated_torque)
 
-    def _open(self, speed: float) -> float:
-        """Opening of the store at a speed over the reference speed, 0 … 1."""
-        x = min(max((speed - self.lowest_speed) / self.band, 0.0), 1.0)
-        return x * x * (3.0 - 2.0 * x)
-
-    def _pitch(self, filtered_speed: float, previous: list[float], dt: float) -> tuple[list[float], float]:
+    def _pitch_commands(self, previous: list[float], dt: float) -> list[float]:
         p = self.parameters
-        error = filtered_speed - self.speed_share * p.reference_speed
-        low, high = self.least_pitch, p.max_pitch
-        before, integral = previous[0], cast("BaselineState", self.state).speed_integral
-        demand, integral = p.pitch_law.step(before, integral, error, dt, low, high)
-        step = p.max_pitch_rate * dt
+        error, step = self.filtered_speed - self.speed_share * p.reference_speed, p.max_pitch_rate * dt
+        demand, self.speed_integral = p.pitch_law.step(
+            previous[0], self.speed_integral, error, dt, self.least_pitch, p.max_pitch
+        )
         # the limit of the rate goes before a least pitch that has just risen
-        return [min(max(demand, now - step), now + step, high) for now in previous], integral
-
-    def shift_pitch(self, change: float) -> None:
-        """Move the present command, as of `BaselineController.shift_pitch`, no lower than the least pitch."""
-        state = cast("BaselineState", self.state)
-        lowest = min(self.least_pitch - float(state.pitch[0]), 0.0)
-        super().shift_pitch(max(change, lowest))
-
-
-class PowerTracking(DisconController):
-    """A controller that follows the demanded power: reads the generator speed and what is asked for.
-
-    Parameters
-    ----------
-    generator_efficiency : float
-        Electrical power over that on the shaft of the generator [-].
-    level : float
-        Share of the rated power that is followed where no demanded power is read [-].
-    """
-
-    def __init__(self, law: PowerTrackingLaw, generator_efficiency: float, level: float = 1.0):
-        self.law: PowerTrackingLaw = law
-        self.generator_efficiency, self.level = float(generator_efficiency), float(level)
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, base: Controller, way: str, **parameters: Any) -> PowerTracking:
-        """By rule for a turbine.
-
-        Parameters
-        ----------
-        base : DisconController or TsrTrackingController
-            Whose constants are taken; of one that tracks the tip-speed ratio those of its pitch law, beside the torque
-            curve of the turbine.
-        way : {"speed", "torque", "pitch", "kinetic"}
-        **parameters
-            Of `KineticOptions`.
-
-        Raises
-        ------
-        ValueError
-            If the generator is a damper, or the base is none with a torque curve.
-        """
-        if not turbine.drivetrain.takes_torque:
-            raise ValueError(f"{turbine.name} has a damper as generator: its torque must be a demand to follow a power")
-        if type(base) is DisconController:
-            constants = base.parameters
-        elif type(base) is TsrTrackingController:
-            constants = base.parameters.baseline
-        else:
-            raise ValueError(
-                "a demanded power can be followed on 'discon', 'retuned' or 'tsr_tracking': the base must be one of "
-                f"them, got a {type(base).__name__}"
-            )
-        options = KineticOptions(**parameters)
-        shares, pitch = pitch_over_share(turbine)
-        law = PowerTrackingLaw(constants, way, shares, pitch, options)
-        return cls(law, turbine.drivetrain.generator_efficiency, options.power_level)
-
-    def _ask(self, signals: Readings) -> None:
-        """Tell the law what is asked for."""
-        demanded = demanded_power_of(signals)
-        if demanded is None:
-            self.law.power = self.level * self.law.parameters.torque.rated_power
-        else:
-            self.law.power = demanded / self.generator_efficiency
-
-    def start(self, signals: Readings, demand: Demand) -> None:
-        """Start bumplessly from the present demand."""
-        self._ask(signals)
-        super().start(signals, demand)
-
-    def step(self, signals: Readings, dt: float) -> Demand:
-        """Demand for the next ``dt`` [s]."""
-        self._ask(signals)
-        return super().step(signals, dt)
+        return [min(max(demand, now - step), now + step, p.max_pitch) for now in previous]

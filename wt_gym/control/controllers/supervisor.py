@@ -13,7 +13,6 @@ storm control (Markou and Larsen, EWEC 2009; Bossanyi and King, EWEA 2012; Petro
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,10 +29,7 @@ from wt_gym.control.sensors import LowPass
 
 if TYPE_CHECKING:
     from wt_gym.control.controllers.controller import Readings
-    from wt_gym.control.controllers.discon import PitchLaw
     from wt_gym.turbines import Turbine
-
-__all__ = ["STATES", "Supervisor", "SupervisorOptions", "SupervisorParameters", "supervisor_of"]
 
 STATES = ("parked", "start_up", "production", "soft_cut_out", "shut_down")
 """What a turbine does, in the order of `Supervisor.state_index`."""
@@ -98,54 +94,13 @@ class SupervisorOptions(Options):
         "excite the tower; 0: none", default=0.0, unit="-", low=0.0, high=0.3,
     )  # fmt: skip
 
-
-_AS_GIVEN = ("least_speed", "least_power", "averaging", "restart_delay", "run_up", "overspeed")
-"""Parameters that are numbers of the supervisor as they are."""
-
-
-@dataclass(frozen=True)
-class SupervisorParameters:
-    """Numbers of a `Supervisor`; between ``derate_from`` and ``cut_out`` the set points fall in straight lines."""
-
-    cut_in: float  #: mean wind at which the turbine starts [m/s]
-    restart: float  #: mean wind at which it starts again after a storm [m/s]
-    derate_from: float  #: mean wind from which on it is held back [m/s]
-    cut_out: float  #: mean wind at which it stops [m/s]
-    least_speed: float  #: set point of the rotor speed at ``cut_out``, over rated [-]
-    least_power: float  #: set point of the power there, over rated [-]
-    averaging: float  #: [s]
-    restart_delay: float  #: [s]
-    run_up: float  #: [s]
-    gust: float  #: wind over 3 s at which the turbine stops [m/s]
-    overspeed: float  #: over rated [-]
-    stop_rate: float  #: pitch rate of a shut-down [rad/s]
-    start_rate: float  #: pitch rate of a start-up [rad/s]
-    feather: float  #: [rad]
-    fine_pitch: float  #: [rad]
-    rated_speed: float  #: of the rotor [rad/s]
-    cut_in_speed: float  #: of the rotor over rated, at which the generator takes torque [-]
-    radius: float  #: 70 % of that of the rotor [m]
-    gear_ratio: float
-    rated_torque: float  #: [N m], high-speed shaft
-    n_blades: int
-
-    def __post_init__(self) -> None:
-        if not self.cut_in < self.restart <= self.cut_out:
-            raise ControllerError(
-                f"a supervisor needs cut-in < restart <= cut-out, got {self.cut_in:g}, {self.restart:g} and "
-                f"{self.cut_out:g} m/s: choose a larger cut_out or a smaller hysteresis"
-            )
+    def check(self) -> None:
+        """Refuse set points under which the torque rises."""
         if self.least_power > self.least_speed:
-            raise ControllerError(
+            raise ValueError(
                 f"least_power must be at most least_speed, so that the torque does not rise, got {self.least_power:g} "
                 f"and {self.least_speed:g}"
             )
-
-    def set_points(self, wind: float) -> tuple[float, float]:
-        """Rotor speed and power over rated in a mean wind [m/s]."""
-        width = self.cut_out - self.derate_from
-        share = 0.0 if width <= 0.0 else min(max((wind - self.derate_from) / width, 0.0), 1.0)
-        return 1.0 - share * (1.0 - self.least_speed), 1.0 - share * (1.0 - self.least_power)
 
 
 class Supervisor:
@@ -175,8 +130,8 @@ class Supervisor:
     base : Controller
         Of the package: ``discon``, ``retuned``, ``tsr_tracking``, with or without ``lidar``; or ``rosco``, which begins
         afresh with every production.
-    pitch_law : PitchLaw
-        Of the start-up.
+    **parameters
+        Of `SupervisorOptions`.
 
     Attributes
     ----------
@@ -190,70 +145,59 @@ class Supervisor:
         By which an agent moves the set point of the speed [-].
     stopped : bool
         Whether a fault stops the turbine, which then stays parked.
+
+    Raises
+    ------
+    ValueError, wt_gym.base.errors.ControllerError, TypeError
+        For a damper as generator, which takes no torque; winds that do not fit each other; a base whose pitch cannot be
+        shifted.
     """
 
-    def __init__(self, base: Controller, parameters: SupervisorParameters, pitch_law: PitchLaw):
-        if not (isinstance(base, ShiftablePitch | LidarFeedforward) or getattr(base, "holds_set_point", False)):
-            raise TypeError(
-                f"a supervisor needs a controller whose pitch can be shifted (shift_pitch), discon, retuned or "
-                f"tsr_tracking, or rosco without derate and start_stop; got {base!r}"
-            )
-        self.base, self.parameters, self.pitch_law = base, parameters, pitch_law
-        self.channels = tuple(dict.fromkeys((*base.channels, "rotor_speed", "wind_x", "wind_y")))
-        self._mean, self._gust = LowPass(0.5 * parameters.averaging), LowPass(3.0)
-        self._rotor = LowPass(0.5)
-        self.state_index, self.set_point, self.load, self.asked = _PRODUCTION, 1.0, 1.0, 0.0
-        self.stopped = False
-        self._since = self._ramp = 0.0
-        self._listened = math.inf
-        self._pitch, self._torque, self._first_speed = parameters.fine_pitch, 0.0, 1.0
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, base: Controller, **parameters: Any) -> Supervisor:
-        """Numbers from a turbine (its winds, drives, torque curve and pitch law) and `SupervisorOptions`.
-
-        Raises
-        ------
-        ValueError
-            If the generator is a damper, which takes no torque.
-        wt_gym.base.errors.ControllerError
-            If winds or set points do not fit each other.
-        TypeError
-            If the base is none whose pitch can be shifted.
-        """
-        o, drivetrain, pitch = SupervisorOptions(**parameters), turbine.drivetrain, turbine.pitch
+    def __init__(self, turbine: Turbine, base: Controller, **parameters: Any):
+        o, drive, pitch = SupervisorOptions(**parameters), turbine.drivetrain, turbine.pitch
+        tracking = getattr(base, "base", base)
         if o.resonance > 0.0:
-            tracking = getattr(base, "base", base)
             if not isinstance(tracking, TsrTrackingController):
                 raise ValueError(
                     f"resonance must be 0 for {type(tracking).__name__}: only a base that tracks the tip-speed ratio "
                     f"can avoid speeds; got {o.resonance!r}"
                 )
             tracking.exclusion = SpeedExclusion.of_turbine(turbine, o.resonance)
-        if not drivetrain.takes_torque:
+        if not drive.takes_torque:
             raise ValueError(f"{turbine.name} has a damper as generator: a supervisor needs one that takes a torque")
+        if not (isinstance(base, ShiftablePitch | LidarFeedforward) or getattr(base, "holds_set_point", False)):
+            raise TypeError(
+                f"a supervisor needs a controller whose pitch can be shifted (shift_pitch), discon, retuned or "
+                f"tsr_tracking, or rosco without derate and start_stop; got {base!r}"
+            )
         law, curve = BaselineParameters.from_turbine(turbine), torque_curve(turbine)
-        last = turbine.cut_out + 5.0 if o.cut_out is None else o.cut_out
-        rated = drivetrain.rated_rotor_speed
-        made = SupervisorParameters(
-            cut_in=turbine.cut_in,
-            restart=last - o.hysteresis,
-            derate_from=min(turbine.cut_out - 2.0, last) if o.derate_from is None else o.derate_from,
-            cut_out=last,
-            gust=last + o.gust,
-            stop_rate=0.5 * pitch.max_rate if o.stop_rate is None else min(o.stop_rate, pitch.max_rate),
-            start_rate=0.25 * pitch.max_rate,
-            feather=min(pitch.max_pitch, 0.5 * math.pi),
-            fine_pitch=least_pitch(turbine, turbine.cut_in),
-            rated_speed=rated,
-            cut_in_speed=1.05 * max(curve.cut_in_speed / drivetrain.gear_ratio, drivetrain.min_rotor_speed) / rated,
-            radius=0.35 * turbine.rotor_diameter,
-            gear_ratio=drivetrain.gear_ratio,
-            rated_torque=law.rated_torque,
-            n_blades=turbine.n_blades,
-            **{name: getattr(o, name) for name in _AS_GIVEN},
-        )
-        return cls(base, made, law.pitch_law)
+        self.base, self.pitch_law = base, law.pitch_law
+        self.channels = tuple(dict.fromkeys((*base.channels, "rotor_speed", "wind_x", "wind_y")))
+        # mean winds at which it starts, starts again after a storm, is held back, and stops; gust that stops it [m/s]
+        self.cut_in, self.cut_out = turbine.cut_in, turbine.cut_out + 5.0 if o.cut_out is None else o.cut_out
+        self.restart, self.gust = self.cut_out - o.hysteresis, self.cut_out + o.gust
+        self.derate_from = min(turbine.cut_out - 2.0, self.cut_out) if o.derate_from is None else o.derate_from
+        if not self.cut_in < self.restart:
+            raise ControllerError(
+                f"a supervisor needs cut-in < restart <= cut-out, got {self.cut_in:g}, {self.restart:g} and "
+                f"{self.cut_out:g} m/s: choose a larger cut_out or a smaller hysteresis"
+            )
+        self.least_speed, self.least_power, self.overspeed = o.least_speed, o.least_power, o.overspeed  # over rated
+        self.averaging, self.restart_delay, self.run_up = o.averaging, o.restart_delay, o.run_up  # [s]
+        self.stop_rate = 0.5 * pitch.max_rate if o.stop_rate is None else min(o.stop_rate, pitch.max_rate)  # [rad/s]
+        self.start_rate, self.feather = 0.25 * pitch.max_rate, min(pitch.max_pitch, 0.5 * math.pi)
+        self.fine_pitch, self.rated_speed = least_pitch(turbine, turbine.cut_in), drive.rated_rotor_speed
+        slowest = max(curve.cut_in_speed / drive.gear_ratio, drive.min_rotor_speed)
+        self.cut_in_speed = 1.05 * slowest / self.rated_speed  # of the rotor over rated, where torque begins
+        self.radius, self.rated_torque = 0.35 * turbine.rotor_diameter, law.rated_torque  # 70 % [m], [N m]
+        self.to_generator, self.n_blades = self.rated_speed * drive.gear_ratio, turbine.n_blades
+        self._mean, self._gust = LowPass(0.5 * o.averaging), LowPass(3.0)
+        self._rotor = LowPass(0.5)
+        self.state_index, self.set_point, self.load, self.asked = _PRODUCTION, 1.0, 1.0, 0.0
+        self.stopped = False
+        self._since = self._ramp = 0.0
+        self._listened = math.inf
+        self._pitch, self._torque, self._first_speed = self.fine_pitch, 0.0, 1.0
 
     # ---- questions ----
 
@@ -277,16 +221,20 @@ class Supervisor:
         """Share of an agent's residual pitch and torque that acts [-]: `load` in production, none in other states."""
         return self.load if self.in_production else 0.0
 
+    def set_points(self, wind: float) -> tuple[float, float]:
+        """Rotor speed and power over rated in a mean wind [m/s]: falling in straight lines up to ``cut_out``."""
+        width = self.cut_out - self.derate_from
+        share = 0.0 if width <= 0.0 else min(max((wind - self.derate_from) / width, 0.0), 1.0)
+        return 1.0 - share * (1.0 - self.least_speed), 1.0 - share * (1.0 - self.least_power)
+
     def acting_offset(self, asked: float) -> float:
         """Offset of the set point of the speed [-] within what acts in the present mean wind."""
-        p = self.parameters
-        target, _ = p.set_points(self._mean.value)
-        return min(max(asked, p.cut_in_speed - target), 1.0 - target)
+        target, _ = self.set_points(self._mean.value)
+        return min(max(asked, self.cut_in_speed - target), 1.0 - target)
 
     def runs_in(self, wind: float) -> bool:
         """Whether a turbine runs in a mean wind [m/s] at a start: up to the middle between restart and stop."""
-        p = self.parameters
-        return p.cut_in <= wind <= 0.5 * (p.restart + p.cut_out)
+        return self.cut_in <= wind <= 0.5 * (self.restart + self.cut_out)
 
     # ---- the contract of controllers ----
 
@@ -296,39 +244,45 @@ class Supervisor:
         The mean wind starts at the present one, but no further than the state of the turbine holds. Parked, it is the
         mean since the start until the filter knows more: one reading in turbulence says little.
         """
-        p, pitch = self.parameters, float(np.mean(demand.pitch))
-        wind, speed = self._wind(signals), signals["rotor_speed"] / p.rated_speed
-        parked = speed < 0.5 * p.cut_in_speed and pitch > 0.5 * p.feather
+        pitch = float(np.mean(demand.pitch))
+        wind, speed = self._wind(signals), signals["rotor_speed"] / self.rated_speed
+        parked = speed < 0.5 * self.cut_in_speed and pitch > 0.5 * self.feather
         self.state_index, self.asked, self.stopped = (_PARKED if parked else _PRODUCTION), 0.0, False
-        self._mean.reset(wind if parked else min(max(wind, p.cut_in), p.cut_out))
+        self._mean.reset(wind if parked else min(max(wind, self.cut_in), self.cut_out))
         self._listened = 0.0 if parked else math.inf
         self._gust.reset(wind)
         self._rotor.reset(speed)
         self.set_point, self.load = 1.0, 0.0 if parked else 1.0
-        self._since, self._ramp = (p.restart_delay if parked else 0.0), speed
+        self._since, self._ramp = (self.restart_delay if parked else 0.0), speed
         self._pitch, self._torque, self._first_speed = pitch, float(demand.generator_torque), max(speed, _STANDS)
         self.base.start(signals, demand)
 
     def step(self, signals: Readings, dt: float) -> Demand:
         """Demand for the next ``dt`` [s]."""
-        p, wind = self.parameters, self._wind(signals)
+        wind = self._wind(signals)
         mean, gust = self._averaged(wind, dt), self._gust.update(wind, dt)
-        speed = signals["rotor_speed"] / p.rated_speed
+        speed = signals["rotor_speed"] / self.rated_speed
         self._since += dt
         if self.state_index == _PARKED:
-            waited = self._since >= p.restart_delay and self._listened >= self._mean.time_constant
-            if waited and not self.stopped and p.cut_in <= mean <= p.restart and gust < p.gust:
+            waited = self._since >= self.restart_delay and self._listened >= self._mean.time_constant
+            if waited and not self.stopped and self.cut_in <= mean <= self.restart and gust < self.gust:
                 self._enter(_START_UP)
                 self._ramp = max(speed, 0.0)
                 self._rotor.reset(speed)
         elif self.state_index == _SHUT_DOWN:
-            if speed < _STANDS and self._pitch >= p.feather - _PITCHED:
+            if speed < _STANDS and self._pitch >= self.feather - _PITCHED:
                 self._enter(_PARKED)
-        elif self.stopped or mean > p.cut_out or mean < p.cut_in - 0.5 or gust > p.gust or speed > p.overspeed:
-            self._torque = min(self._torque, _MOST_TORQUE * p.rated_torque)
+        elif (
+            self.stopped
+            or mean > self.cut_out
+            or mean < self.cut_in - 0.5
+            or gust > self.gust
+            or speed > self.overspeed
+        ):
+            self._torque = min(self._torque, _MOST_TORQUE * self.rated_torque)
             self._first_speed = max(speed, _STANDS)
             self._enter(_SHUT_DOWN)
-        elif self.state_index == _START_UP and speed >= p.cut_in_speed:
+        elif self.state_index == _START_UP and speed >= self.cut_in_speed:
             self._begin_production(signals, speed)
         if self.state_index in (_PRODUCTION, _SOFT):
             return self._produce(signals, mean, dt)
@@ -337,9 +291,9 @@ class Supervisor:
         elif self.state_index == _SHUT_DOWN:
             self._stop(speed, dt)
         else:
-            self._move(p.feather, p.stop_rate * dt)
+            self._move(self.feather, self.stop_rate * dt)
             self._torque = 0.0
-        return Demand(np.full(p.n_blades, self._pitch), 0.0, self._torque)
+        return Demand(np.full(self.n_blades, self._pitch), 0.0, self._torque)
 
     def shift_pitch(self, change: float) -> None:
         """Move the pitch of the next demand by so much [rad], in production."""
@@ -368,39 +322,35 @@ class Supervisor:
 
     def _spin_up(self, wind: float, speed: float, dt: float) -> None:
         """Pitch of a start-up: as near to the best angle of attack as the ramp of the speed lets it."""
-        p = self.parameters
-        self._ramp = min(self._ramp + dt / p.run_up, _BEYOND_CUT_IN * p.cut_in_speed)
+        self._ramp = min(self._ramp + dt / self.run_up, _BEYOND_CUT_IN * self.cut_in_speed)
         before = self._rotor.value
         smooth = self._rotor.update(speed, dt)
         proportional, integral = self.pitch_law.gains(self._pitch)
-        to_generator = p.rated_speed * p.gear_ratio
-        rise = smooth - before - (dt / p.run_up if self._ramp < _BEYOND_CUT_IN * p.cut_in_speed else 0.0)
-        target = self._pitch + to_generator * (proportional * rise + integral * (smooth - self._ramp) * dt)
-        inflow = math.atan2(max(wind, 0.0), max(speed, 0.0) * p.rated_speed * p.radius)
-        least = min(max(inflow - _BEST_ANGLE, p.fine_pitch), p.feather)
-        self._move(min(max(target, least), p.feather), p.start_rate * dt)
+        rise = smooth - before - (dt / self.run_up if self._ramp < _BEYOND_CUT_IN * self.cut_in_speed else 0.0)
+        target = self._pitch + self.to_generator * (proportional * rise + integral * (smooth - self._ramp) * dt)
+        inflow = math.atan2(max(wind, 0.0), max(speed, 0.0) * self.rated_speed * self.radius)
+        least = min(max(inflow - _BEST_ANGLE, self.fine_pitch), self.feather)
+        self._move(min(max(target, least), self.feather), self.start_rate * dt)
         self._torque = 0.0
 
     def _begin_production(self, signals: Readings, speed: float) -> None:
         """Hand over to the base controller, which continues from the present pitch and speed, without torque."""
-        p = self.parameters
         self._enter(_PRODUCTION)
         self.set_point, self.load = min(speed, 1.0), 0.0
         self.base.start(
-            AtSetPoint(signals, self.set_point, self.set_point), Demand(np.full(p.n_blades, self._pitch), 0.0, 0.0)
+            AtSetPoint(signals, self.set_point, self.set_point), Demand(np.full(self.n_blades, self._pitch), 0.0, 0.0)
         )
 
     def _produce(self, signals: Readings, mean: float, dt: float) -> Demand:
-        p = self.parameters
-        target, power = p.set_points(mean)
+        target, power = self.set_points(mean)
         self.state_index = _SOFT if target < 1.0 or power < 1.0 else _PRODUCTION
         if self.asked != 0.0:
-            moved = min(max(target + self.asked, p.cut_in_speed), 1.0)
+            moved = min(max(target + self.asked, self.cut_in_speed), 1.0)
             power, target = power * moved / target, moved
-        pitched = self._pitch > p.fine_pitch + _PITCHED
-        reach = dt / (p.run_up if pitched else 0.1 * p.run_up)
+        pitched = self._pitch > self.fine_pitch + _PITCHED
+        reach = dt / (self.run_up if pitched else 0.1 * self.run_up)
         self.set_point += min(max(target - self.set_point, -reach), reach)
-        self.load = min(self.load + 3.0 * dt / p.run_up, 1.0)
+        self.load = min(self.load + 3.0 * dt / self.run_up, 1.0)
         share, cut = self.set_point, min(power / target, 1.0)
         factor, kept = self.load * cut, share * cut
         as_is = share == 1.0 and (kept == 1.0 or demanded_power_of(signals) is None)
@@ -412,11 +362,10 @@ class Supervisor:
 
     def _stop(self, speed: float, dt: float) -> None:
         """Pitch and torque of a shut-down."""
-        p = self.parameters
-        self._move(p.feather, p.stop_rate * dt)
+        self._move(self.feather, self.stop_rate * dt)
         ratio = max(speed, 0.0) / self._first_speed
         self._first_speed = max(speed, _STANDS)
-        self._torque = 0.0 if speed < p.cut_in_speed else self._torque * min(ratio, 1.0) ** 2
+        self._torque = 0.0 if speed < self.cut_in_speed else self._torque * min(ratio, 1.0) ** 2
 
 
 def supervisor_of(controller: Controller | None) -> Supervisor | None:

@@ -43,8 +43,8 @@ from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.controller import AtSetPoint
 from wt_gym.control.controllers.discon import PITCH_OF_REGION_3, BaselineParameters
-from wt_gym.control.design import rated_mechanical_power, slower_than_reference, tower_top
-from wt_gym.control.operating_point import least_pitch, rotor_inertia
+from wt_gym.control.design import rated_mechanical_power, rotor_inertia, slower_than_reference, tower_top
+from wt_gym.control.operating_point import least_pitch
 from wt_gym.control.rotor import RotorTable, blade_element_table, fine_pitch, rotor_table
 from wt_gym.control.sensors import LowPass, Notch
 
@@ -53,11 +53,6 @@ if TYPE_CHECKING:
 
     from wt_gym.control.controllers.controller import Readings
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "SpeedExclusion", "TsrTrackingController", "TsrTrackingOptions", "TsrTrackingParameters", "WindEstimator",
-    "bandwidth_of", "pitch_schedule", "resonant_speed",
-]  # fmt: skip
 
 # ---- estimated wind ----
 
@@ -80,12 +75,10 @@ class WindEstimator:
 
     Parameters
     ----------
-    table : RotorTable
     inertia : float
         Of rotor and generator about the low-speed shaft [kg m^2].
     gear_ratio, gearbox_efficiency : float
         [-].
-    n_blades : int
     bandwidth : float
         Rate at which an error of the estimate decays [rad/s].
     lowest_speed : float
@@ -103,8 +96,6 @@ class WindEstimator:
         self, table: RotorTable, inertia: float, gear_ratio: float = 1.0, gearbox_efficiency: float = 1.0,
         n_blades: int = 3, bandwidth: float = 0.5, lowest_speed: float = 0.1, generator_share: float = 0.0,
     ) -> None:  # fmt: skip
-        if not 0.0 < bandwidth < math.inf:
-            raise ValueError(f"the bandwidth of the wind estimator must be positive, got {bandwidth!r} rad/s")
         self.table, self.inertia, self.bandwidth, self.lowest_speed = table, inertia, bandwidth, lowest_speed
         self._gear_ratio, self._to_moment = gear_ratio, gear_ratio / gearbox_efficiency
         self.generator_share = generator_share
@@ -213,28 +204,16 @@ class SpeedExclusion:
         At which the set point moves [rad/s^2].
     least : float
         Least set point; where the band reaches below it, the set point waits above the band alone [rad/s].
-
-    Attributes
-    ----------
-    value : float
-        Present set point [rad/s]; NaN before the first.
     """
 
     def __init__(self, low: float, high: float, rate: float, least: float = 0.0):
-        if not (0.0 < low < high and rate > 0.0):
-            raise ValueError(
-                f"a band of speeds needs 0 < low < high and a positive rate, got {low!r}, {high!r}, {rate!r}"
-            )
         self.low, self.high, self.rate = float(low), float(high), float(rate)
         self._always_above = low < least
-        self.value, self._above, self._crossing = math.nan, 0.0, False
+        self.start()
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, half_width: float, crossing: float = 5.0) -> SpeedExclusion:
-        """Band about the resonance of a turbine.
-
-        ``half_width`` is that of the band over the resonant speed [-], ``crossing`` the time in which the set point
-        crosses the band [s].
+        """Band about the resonance of a turbine: half width over the resonant speed [-], and time to cross it [s].
 
         Raises
         ------
@@ -385,12 +364,8 @@ class TsrTrackingParameters:
     def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters: Any) -> TsrTrackingParameters:
         """Numbers of the turbine's own controller, by rule where its data say nothing.
 
-        Parameters
-        ----------
-        baseline : BaselineParameters
-            Of the pitch law, the filter and the limits.
-        **parameters
-            Of `from_turbine`; one that is given goes before what is published.
+        The baseline is that of the pitch law, the filter and the limits; parameters, of `TsrTrackingOptions`, go before
+        what is published.
         """
         own = turbine.control
         assert own is not None  # asked for such turbines only
@@ -400,7 +375,8 @@ class TsrTrackingParameters:
         # below region 3 the published torque ends at rated torque, and the speed rises to rated
         given: dict[str, object] = {"constant_power_pitch": PITCH_OF_REGION_3}
         shifts = {
-            "pitch_to_speed": _times(own.speed_shift_per_pitch, baseline.max_pitch - baseline.min_pitch),
+            "pitch_to_speed": own.speed_shift_per_pitch
+            and own.speed_shift_per_pitch * (baseline.max_pitch - baseline.min_pitch),
             "torque_to_speed": own.speed_shift_per_power,
             "smoothing_time_constant": own.speed_shift_frequency and 1.0 / own.speed_shift_frequency,
         }
@@ -577,7 +553,3 @@ class TsrTrackingController:
     def _least_pitch(self) -> float:
         """Lower limit of the pitch [rad]."""
         return float(np.interp(self.wind, self.parameters.schedule_wind, self.parameters.schedule_pitch))
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor

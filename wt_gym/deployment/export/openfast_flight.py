@@ -54,19 +54,15 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
-__all__ = ["LARGEST_DIFFERENCE", "LOADS", "Flight", "Scene", "export_openfast", "fly", "scene_of"]
-
 
 @dataclass(frozen=True)
 class Scene:
     """A turbine in a wind."""
 
-    arguments: dict[str, Any]
-    """Of the environment, without a limit of time and from a steady start."""
+    arguments: dict[str, Any]  #: of the environment, without a limit of time and from a steady start
     turbine: Turbine
     inflow: Inflow
-    step: float
-    """Of the simulator [s]."""
+    step: float  #: of the simulator [s]
 
 
 def scene_of(
@@ -78,20 +74,11 @@ def scene_of(
     wind_seed: int | None = None,
     duration: float,
 ) -> Scene:
-    """Turbine and wind of a flight.
+    """Turbine and wind of a flight over a duration [s].
 
-    Parameters
-    ----------
-    choice : str
-        A trained agent runs in the environment of its training, a controller in `DEFAULT_ENV`.
-    turbine : str, optional
-        Of a controller.
-    env_kwargs : dict, optional
-        Other arguments of the environment, those of the wind for example.
-    wind_speed, wind_seed : optional
-        Of the wind, where the environment draws them.
-    duration : float
-        [s].
+    A trained agent runs in the environment of its training, a controller in `DEFAULT_ENV`; ``turbine`` is that of a
+    controller, ``env_kwargs`` are other arguments of the environment, ``wind_speed`` [m/s] and ``wind_seed`` those of
+    the wind, where the environment draws them.
 
     Raises
     ------
@@ -152,33 +139,20 @@ def export_openfast(
 ) -> dict[str, Any]:
     """Write a controller or a trained agent with turbine and wind for OpenFAST's driver: ``openfast model.fst``.
 
-    Parameters
-    ----------
-    choice : str
-        Name of a controller or a trained agent.
-    folder : str or path
-        The whole of it can be moved.
-    duration : float
-        [s].
-    hold_missing : bool
-        As of `wt_gym.deployment.export.discon.export_discon`.
-    model : str or path, optional
-        Primary file (``.fst``) of a model of the user's for the turbine; it keeps its ``GenPwr_Dem`` where no power is
-        demanded.
+    The whole folder can be moved. The duration is in s, ``hold_missing`` as of
+    `wt_gym.deployment.export.discon.export_discon`. ``model`` is the primary file (``.fst``) of a model of the user's
+    for the turbine; it keeps its ``GenPwr_Dem`` where no power is demanded.
 
     Returns
     -------
     dict
-        ``files``, the primary file first, ``held``, ``lidar`` and ``parked`` as of
-        `wt_gym.deployment.export.discon.export_discon`, and ``lidar_points``: how many points InflowWind reads of the
-        lidar.
+        ``files``, the primary file first, ``held``, ``lidar`` and ``parked`` as of `export_discon`, and
+        ``lidar_points``: how many points InflowWind reads of the lidar.
 
     Raises
     ------
-    ValueError, CompilerError
-        As of `wt_gym.deployment.export.discon.export_discon`, and of `demanded_power`.
-    TurbineDefinitionError, SimulationError
-        As of `wt_gym.bridges.openfast.write_driver_run`.
+    ValueError, CompilerError, TurbineDefinitionError, SimulationError
+        As of `export_discon`, `demanded_power` and `wt_gym.bridges.openfast.write_driver_run`.
     """
     power = demanded_power(scene.arguments)
     folder, trained = Path(folder), parse_name(choice).kind == "trained"
@@ -233,20 +207,13 @@ LOADS = ("blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_s
 class Flight:
     """Demands and loads of the runs."""
 
-    pitch: float
-    """Largest difference of the demands of the library from those of Python in this package's simulator [rad]."""
-    torque: float
-    """Likewise, over the greatest torque [-]."""
-    yaw_rate: float
-    """Likewise [rad/s]."""
-    metrics: dict[str, dict[str, float]]
-    """Of each run by its name, see `wt_gym.analysis.metrics.run_metrics`."""
-    missing: dict[str, str]
-    """Why runs in OpenFAST were left out, by name."""
-    primary: Path
-    """Primary file of OpenFAST with the library, to be run again."""
-    limit: float = LARGEST_CHANGE
-    """Of the loads' changes in OpenFAST [-]."""
+    pitch: float  #: largest difference of the demands of the library from those of Python in this package [rad]
+    torque: float  #: likewise, over the greatest torque [-]
+    yaw_rate: float  #: likewise [rad/s]
+    metrics: dict[str, dict[str, float]]  #: of each run by its name, see `wt_gym.analysis.metrics.run_metrics`
+    missing: dict[str, str]  #: why runs in OpenFAST were left out, by name
+    primary: Path  #: primary file of OpenFAST with the library, to be run again
+    limit: float = LARGEST_CHANGE  #: of the loads' changes in OpenFAST [-]
 
     @property
     def changes(self) -> dict[str, float]:
@@ -290,22 +257,10 @@ def fly(
 ) -> Flight:
     """Export, then run in the same wind: Python's and the library's demands, in this package's simulator and OpenFAST.
 
-    Sensors have no noise in any run, whatever that of the training was: the library has none.
-
-    Parameters
-    ----------
-    choice : str
-        Name of a controller or a trained agent.
-    folder : str or path
-        Receives the export in ``wt_gym`` and the model of OpenFAST in ``openfast``.
-    duration : float
-        [s].
-    skip : float
-        Start left out of the metrics [s].
-    hold_missing : bool
-        As of `wt_gym.deployment.export.discon.export_discon`; what the agent observes in Python is held, too.
-    driver, library : path, optional
-        As of `wt_gym.bridges.openfast.find_driver` and `find_library`.
+    Sensors have no noise in any run, whatever that of the training was: the library has none. The folder receives the
+    export in ``wt_gym`` and the model of OpenFAST in ``openfast``. Duration and ``skip``, the start left out of the
+    metrics, are in s. With ``hold_missing`` what the agent observes in Python is held too. Driver and library are as of
+    `wt_gym.bridges.openfast.find_driver` and `find_library`.
 
     Raises
     ------

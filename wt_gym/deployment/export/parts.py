@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.control import NacelleAnemometer
-from wt_gym.control.bladed.records import MOST_LIDAR_POINTS
+from wt_gym.control.bladed.records import check_points
 from wt_gym.control.controllers import (
     STATES,
     DisconController,
@@ -27,8 +27,8 @@ from wt_gym.control.controllers.controller import parts_of
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, SCHEDULE_TIME, LinearOptimalPitch
 from wt_gym.control.controllers.power_tracking import WAYS, PowerTracking
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
-from wt_gym.control.operating_point import rotor_inertia
-from wt_gym.envs.dial import DIAL_NAMES
+from wt_gym.control.design import rotor_inertia
+from wt_gym.envs.dial import DIAL_NAMES, LEAST_FACTOR, MOST_FACTOR
 from wt_gym.envs.power import available_power
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
@@ -42,11 +42,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.turbines import Turbine
-
-__all__ = [
-    "FASTEST_LIDAR_WIND", "KINDS", "LONGEST_LIDAR_DELAY", "SUPPORTED", "LinearPitch", "Parts", "Seen", "add_agent",
-    "controller_parts", "seen_channels",
-]  # fmt: skip
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
              "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
@@ -66,14 +61,207 @@ FASTEST_LIDAR_WIND = 60.0
 
 
 @dataclass(frozen=True)
+class Entry:
+    """One parameter."""
+
+    name: str  #: of the field in the C structure and of the line in the file
+    unit: str
+    meaning: str
+    group: str = ""  #: part of the controller that it belongs to; "" for what the file does not show
+    low: float = -math.inf  #: least value that the library accepts from the file
+    high: float = math.inf
+
+
+def _fade(group: str, what: str) -> tuple[Entry, ...]:
+    """Parameters of a fade below rated wind, in a group of their own."""
+    fades = f"{group}_fade"
+    return (
+        Entry(f"{what}_fade_pitch", "rad", "pitch above fine pitch at which it begins and is full", fades),
+        Entry(f"{what}_fade_speed", "-", "rotor speed over rated at which it begins and is full", fades),
+        Entry(f"{what}_fade_fine_speed", "-", "the same at fine pitch; above any speed: nothing acts there", fades),
+        Entry(f"{what}_fade_time", "s", "time constant of the filter on the pitch", fades, 0.0),
+    )
+
+
+# Which axes a code means by records 53 and 54: OpenFAST's ServoDyn hands over ElastoDyn's YawBrTAxp and YawBrTAyp,
+# along axes of the tower top, which do not yaw with the nacelle (modules/servodyn/src/BladedInterface.f90). In DNV's
+# documentation of Bladed's outputs fore-aft and side-side accelerations of the nacelle are "corrected by the yaw angle"
+# (bladednextgen.dnv.com, page "Nacelle outputs"): along the nacelle.
+PARAMETERS = (
+    Entry("controller_step", "s", "step of the controller"),
+    Entry("gear_ratio", "-", "generator speed over rotor speed"),
+    Entry("rated_rotor_speed", "rad/s", "rated rotor speed"),
+    Entry("fade_fine_pitch", "rad", "pitch from which fades count"),
+    Entry("constant_power", "-", "1: region 3 holds power, 0: torque"),
+    Entry("torque_to_moment", "-", "gear ratio over efficiency"),
+    Entry("rotor_inertia", "kg m²", "of rotor and generator"),
+    Entry("estimator_lowest_speed", "rad/s", "rotor speed below which the estimate is held"),
+    Entry("sensor_bandwidth", "rad/s", "of the observed wind estimate"),
+    Entry("control_step", "s", "step of the agent"),
+    Entry("most_shaft_power", "W", "power up to which residual torque lifts, over gear ratio"),
+    Entry("drive", "-", "1: pitch drives and torque rate limit here, for codes without; 0: demands as they are", "all",
+          0.0, 1.0),
+    Entry("drive_min_pitch", "rad", "least pitch of the drives", "all", -math.pi, math.pi),
+    Entry("drive_max_pitch", "rad", "greatest pitch of the drives", "all", -math.pi, math.pi),
+    Entry("drive_pitch_rate", "rad/s", "greatest pitch rate of the drives", "all", 0.0),
+    Entry("drive_servo_frequency", "rad/s", "of pitch drives that are servos; 0: ideal drives", "all", 0.0),
+    Entry("drive_servo_damping", "-", "damping ratio of these servos", "all", 0.0),
+    Entry("drive_max_torque", "N m", "greatest generator torque", "all", 0.0),
+    Entry("drive_torque_rate", "N m/s", "greatest rate of the generator torque", "all", 0.0),
+    Entry("drive_yaw_rate", "rad/s", "greatest yaw rate", "all", 0.0),
+    Entry("acceleration_axes", "-", "of records 53 and 54; 0: of the tower top, record 37 turns them (OpenFAST), "
+          "1: of the nacelle (Bladed)", "acceleration", 0.0, 1.0),
+    Entry("corner_frequency", "rad/s", "of the low-pass filter on the generator speed", "base", 1e-6),
+    Entry("filter_damping", "-", "damping ratio of that filter; 0: first order", "base", 0.0),
+    Entry("notch_frequency", "rad/s", "of a notch before that filter; 0: none", "base", 0.0),
+    Entry("reference_speed", "rad/s", "generator speed held above rated", "base", 1e-6),
+    Entry("min_pitch", "rad", "least pitch of the controller", "base", -math.pi, math.pi),
+    Entry("max_pitch", "rad", "greatest pitch of the controller", "base", -math.pi, math.pi),
+    Entry("max_pitch_rate", "rad/s", "greatest pitch rate of the controller", "base", 0.0),
+    Entry("rated_power", "W", "mechanical power of the generator", "base", 0.0),
+    Entry("max_torque", "N m", "greatest torque of the controller", "base", 0.0),
+    Entry("max_torque_rate", "N m/s", "greatest torque rate of the controller", "base", 0.0),
+    Entry("proportional_gain", "s", "from generator speed error to pitch, at zero pitch", "gains", 0.0),
+    Entry("integral_gain", "-", "of its integral", "gains", 1e-12),
+    Entry("gain_doubling_pitch", "rad", "pitch at which the gains are halved", "gains", 1e-6),
+    Entry("gain_pitch", "rad", "pitch of the gains below, ascending", "gain_table", -math.pi, math.pi),
+    Entry("proportional_gains", "s", "from generator speed error to pitch", "gain_table"),
+    Entry("integral_gains", "-", "of its integral", "gain_table", 1e-12),
+    Entry("cut_in_speed", "rad/s", "generator speed at which torque begins", "torque_curve", 0.0),
+    Entry("region_2_speed", "rad/s", "generator speed at which region 2 begins", "torque_curve", 0.0),
+    Entry("rated_generator_speed", "rad/s", "generator speed at which region 3 begins", "torque_curve", 0.0),
+    Entry("region_2_gain", "N m s²/rad²", "torque over speed squared in region 2", "torque_curve", 0.0),
+    Entry("slip", "-", "slip of region 2 1/2", "torque_curve", 1e-6),
+    Entry("region_3_min_pitch", "rad", "pitch from which on region 3 holds", "torque_curve", -math.pi, math.pi),
+    Entry("speed_per_wind", "rad/m", "generator speed to be tracked per wind speed", "tracking", 0.0),
+    Entry("min_generator_speed", "rad/s", "least generator speed to be tracked", "tracking", 0.0),
+    Entry("torque_gain", "N m s", "from generator speed error to torque", "tracking", 0.0),
+    Entry("torque_integral_gain", "N m", "of its integral", "tracking", 0.0),
+    Entry("estimator_bandwidth", "rad/s", "of the wind estimate", "tracking", 0.0),
+    Entry("wind_time_constant", "s", "of the filter on the estimated wind", "tracking", 0.0),
+    Entry("smoothing_time_constant", "s", "of the filter on the shift of the set points", "tracking", 0.0),
+    Entry("pitch_to_speed", "-", "shift of the torque's set point for pitch over its range", "tracking", 0.0),
+    Entry("torque_to_speed", "-", "shift of the pitch's set point for torque missing to rated", "tracking", 0.0),
+    Entry("constant_power_pitch", "rad", "pitch above the least one at which power is held in full", "tracking", 0.0),
+    Entry("generator_share", "-", "share of the generator's speed in that of the wind estimate", "tracking", 0.0, 1.0),
+    Entry("schedule_wind", "m/s", "wind of the least pitch below, ascending", "tracking"),
+    Entry("schedule_pitch", "rad", "least pitch over the wind", "tracking", -math.pi, math.pi),
+    Entry("exclusion_low", "rad/s", "lower end of the generator speeds that are crossed quickly", "exclusion", 1e-6),
+    Entry("exclusion_high", "rad/s", "upper end", "exclusion", 1e-6),
+    Entry("exclusion_rate", "rad/s²", "rate at which the set point crosses", "exclusion", 1e-9),
+    Entry("exclusion_above", "-", "1: nothing waits at the lower end, below the least speed", "exclusion", 0.0, 1.0),
+    Entry("supervisor_cut_in", "m/s", "supervisory control: mean wind at which the turbine starts", "supervisor", 0.0),
+    Entry("supervisor_restart", "m/s", "mean wind up to which it starts", "supervisor", 0.0),
+    Entry("supervisor_derate_from", "m/s", "mean wind from which on the set points fall", "supervisor", 0.0),
+    Entry("supervisor_cut_out", "m/s", "mean wind at which it stops", "supervisor", 0.0),
+    Entry("supervisor_least_speed", "-", "set point of the rotor speed at cut_out, over rated", "supervisor", 0.3, 1.0),
+    Entry("supervisor_least_power", "-", "set point of the power there", "supervisor", 1e-6, 1.0),
+    Entry("supervisor_averaging", "s", "time over which the wind is averaged", "supervisor", 1e-6),
+    Entry("supervisor_restart_delay", "s", "time that the turbine stands at least", "supervisor", 0.0),
+    Entry("supervisor_run_up", "s", "time of a start-up to rated speed; a third of it loads the generator",
+          "supervisor", 1.0),
+    Entry("supervisor_gust", "m/s", "wind over 3 s at which it stops at once", "supervisor", 0.0),
+    Entry("supervisor_overspeed", "-", "rotor speed over rated at which it stops at once", "supervisor", 1.0),
+    Entry("supervisor_stop_rate", "rad/s", "pitch rate of a shut-down", "supervisor", 1e-6),
+    Entry("supervisor_start_rate", "rad/s", "pitch rate of a start-up", "supervisor", 1e-6),
+    Entry("supervisor_feather", "rad", "pitch of a turbine that stands", "supervisor", 0.0, math.pi),
+    Entry("supervisor_fine_pitch", "rad", "least pitch of a start-up", "supervisor", -math.pi, math.pi),
+    Entry("supervisor_cut_in_speed", "-", "rotor speed over rated at which the generator takes torque", "supervisor",
+          1e-6, 1.0),
+    Entry("supervisor_radius", "m", "70 % of the rotor's"),
+    Entry("supervisor_rated_speed", "rad/s", "of the rotor"),
+    Entry("supervisor_to_generator", "rad/s", "rated generator speed"),
+    Entry("supervisor_rated_torque", "N m", "of the generator"),
+    Entry("supervisor_proportional_gain", "s", "start-up: from generator speed to pitch, at zero pitch",
+          "supervisor_gains", 0.0),
+    Entry("supervisor_integral_gain", "-", "of its integral", "supervisor_gains", 0.0),
+    Entry("supervisor_gain_doubling_pitch", "rad", "pitch at which these are halved", "supervisor_gains", 1e-6),
+    Entry("supervisor_gain_pitch", "rad", "start-up: pitch of the gains below, ascending", "supervisor_gain_table",
+          -math.pi, math.pi),
+    Entry("supervisor_proportional_gains", "s", "from generator speed to pitch", "supervisor_gain_table"),
+    Entry("supervisor_integral_gains", "-", "of its integral", "supervisor_gain_table", 0.0),
+    Entry("generator_efficiency", "-", "electrical power over that on the shaft of the generator", "power", 1e-6, 1.0),
+    Entry("power_level", "-", "share of rated power that is followed without a demanded one", "power", 0.0, 1.0),
+    Entry("power_shares", "-", "shares of the power of the least pitch below, ascending", "power_pitch"),
+    Entry("power_pitch", "rad", "least pitch over the share", "power_pitch", -math.pi, math.pi),
+    Entry("store_lowest_speed", "-", "generator speed over reference at which the store is shut", "power_store", 0.0),
+    Entry("store_band", "-", "by how much faster it is open", "power_store", 1e-6),
+    Entry("store_raised", "-", "rise of the reference speed", "power_store", 0.0),
+    Entry("headroom_factor", "W s³/m³", "available power over cubed wind"),
+    Entry("headroom_most", "W", "most available power"),
+    Entry("ipc_integral_gain", "rad/(N m s)", "individual pitch, by harmonic: from moment to pitch rate", "ipc", 0.0),
+    Entry("ipc_proportional_gain", "rad/(N m)", "from moment to pitch", "ipc", 0.0),
+    Entry("ipc_level", "N m", "moment up to which nothing is done", "ipc", 0.0),
+    Entry("ipc_leak", "1/s", "rate of the return within that band", "ipc", 0.0),
+    Entry("ipc_limit", "rad", "greatest amplitude", "ipc", 0.0, math.pi),
+    Entry("ipc_rate_limit", "rad/s", "greatest rate of the amplitude", "ipc", 0.0),
+    Entry("ipc_lead", "s", "time by which the azimuth leads", "ipc", 0.0),
+    *_fade("ipc", "ipc"),
+    Entry("linear_gain", "-", "linear optimal pitch: factor on all offsets", "linear", 0.0, 2.0),
+    Entry("linear_limit", "rad", "largest mean offset, and largest amplitude of tilt and yaw", "linear", 0.0, math.pi),
+    Entry("linear_rate_limit", "rad/s", "largest rate of the mean, and of tilt and yaw together", "linear", 0.0),
+    Entry("linear_lead", "s", "time by which the azimuth leads", "linear", 0.0),
+    Entry("linear_schedule_time", "s", "time constant of the pitch that chooses between designs", "linear", 0.0),
+    *_fade("linear", "linear"),
+    Entry("lidar_speed_factor", "-", "lidar: speeds in the records are taken times this; 1 for speeds along the axis, "
+          "one over the cosine of the cone's half angle for speeds along the beams", "lidar", 0.1, 10.0),
+    Entry("lidar_gain", "-", "factor on the pitch that follows the wind ahead; 0: none", "feedforward", 0.0, 2.0),
+    Entry("lidar_delay", "s", "delay of that pitch against the filtered wind at the tower", "feedforward", 0.0,
+          LONGEST_LIDAR_DELAY),
+    Entry("lidar_wavenumber", "rad/m", "of the filter on the wind ahead"),
+    *_fade("lidar", "lidar"),
+    Entry("fore_aft_gain", "rad s/m", "fore-aft damper: from velocity to pitch", "fore_aft", 0.0),
+    Entry("fore_aft_corner", "rad/s", "of the high-pass filter", "fore_aft", 1e-6),
+    Entry("fore_aft_limit", "rad", "greatest pitch added", "fore_aft", 0.0, math.pi),
+    Entry("fore_aft_min_pitch", "rad", "pitch below which it takes no blade", "fore_aft", -math.pi, math.pi),
+    *_fade("fore_aft", "fore_aft"),
+    Entry("side_side_gain", "N m s/m", "side-side damper: from velocity to torque", "side_side"),
+    Entry("side_side_corner", "rad/s", "of the high-pass filter", "side_side", 1e-6),
+    Entry("side_side_limit", "N m", "greatest torque added", "side_side", 0.0),
+    Entry("yaw_rate", "rad/s", "yaw drive: its rate", "yaw", 0.0),
+    Entry("yaw_dead_band", "rad", "filtered yaw error at which it starts", "yaw", 0.0, math.pi),
+    Entry("yaw_stop", "rad", "yaw error at which it stops", "yaw", 0.0, math.pi),
+    Entry("yaw_slow_time", "s", "time constant at rest", "yaw", 0.0),
+    Entry("yaw_fast_time", "s", "time constant while turning", "yaw", 0.0),
+    Entry("guard_speed_tolerance", "rad/s", "fault supervisor: difference of a rotor speed from the middle of three "
+          "from which on it is replaced", "guard", 0.0),
+    Entry("guard_moment_jump", "N m", "change of a flapwise moment in a step that is a fault", "guard", 0.0),
+    Entry("guard_frozen_time", "s", "time of equal readings after which a moment or the vane is dead", "guard", 0.0),
+    Entry("guard_vane_jump", "rad", "change of the yaw error in a step that is a fault", "guard", 0.0),
+    Entry("guard_pitch_tolerance", "rad", "difference of a pitch from its drive's model that is a fault", "guard", 0.0),
+    Entry("guard_pitch_time", "s", "time for which it must last", "guard", 0.0),
+    Entry("guard_stop_deviation", "rad", "difference at which a failing drive stops the turbine", "guard_stop", 0.0),
+    Entry("guard_fade_time", "s", "time in which individual pitch fades out", "guard", 1e-6),
+    Entry("guard_efficiency", "-", "electrical power over that on the shaft of the generator", "guard", 1e-6, 1.0),
+    Entry("guard_least_torque", "N m", "torque from which on power over torque is a speed", "guard", 0.0),
+    Entry("agent", "-", "1: the agent acts; 0: the controller alone", "agent", 0.0, 1.0),
+    Entry("dial", "-", "factors on the weights of fatigue, power and travel for the agent; their ratios count",
+          "dial", LEAST_FACTOR, MOST_FACTOR),
+    Entry("offset_pitch_limit", "rad", "greatest residual pitch, by coordinate", "agent", 0.0, math.pi),
+    Entry("offset_pitch_rate", "rad/s", "greatest rate of residual pitch", "agent", 1e-9),
+    Entry("offset_torque_limit", "N m", "greatest residual torque", "agent", 0.0),
+    Entry("offset_torque_rate", "N m/s", "greatest rate of residual torque", "agent", 1e-9),
+    Entry("offset_yaw_rate", "rad/s", "greatest residual yaw rate", "agent", 0.0),
+    Entry("offset_set_point_limit", "-", "greatest residual set point of the rotor speed, over rated",
+          "agent_set_point", 0.0, 1.0),
+    Entry("offset_set_point_rate", "1/s", "greatest rate of the residual set point", "agent_set_point", 1e-9),
+    Entry("offset_lead", "s", "time by which the azimuth leads", "agent", 0.0),
+    Entry("offset_washout", "s", "time constant of the washout of mean residual pitch; 0: none", "agent", 0.0),
+    Entry("sensor_washout", "s", "time constant of the high-pass filter on observed loads; 0: none", "agent", 0.0),
+    Entry("anemometer_time", "s", "time constant of the observed wind speed", "agent", 0.0),
+    Entry("vane_time", "s", "time constant of the observed yaw error", "agent", 0.0),
+    *_fade("agent", "offset"),
+)  # fmt: skip
+"""Every parameter; those of groups that a controller does not have are left out of its file."""
+
+
+@dataclass(frozen=True)
 class LinearPitch:
     """Linear optimal pitch as the C source has it."""
 
     design: LinearDesign
-    sign: float
-    """Of accelerations to the side."""
-    bins: tuple[tuple[int, int], ...]
-    """Of delays, over which an agent sees means of the disturbances."""
+    sign: float  #: of accelerations to the side
+    bins: tuple[tuple[int, int], ...]  #: of delays, over which an agent sees means of the disturbances
 
 
 @dataclass
@@ -81,44 +269,33 @@ class Parts:
     """What a controller, and an agent on it, put into the C source."""
 
     turbine: Turbine
-    values: dict[str, float | list[float]] = field(default_factory=dict)
-    """Of `wt_gym.deployment.export.discon.PARAMETERS`, numbers or lists."""
-    groups: set[str] = field(default_factory=lambda: {"all", "base"})
-    """Of parameters."""
-    constants: dict[str, int] = field(default_factory=dict)
-    """Whole numbers of the preprocessor, by name."""
-    additions: list[str] = field(default_factory=list)
-    """Names of the C source, in the order in which they act."""
-    tables: dict[str, RotorTable] = field(default_factory=dict)
-    """Rotor tables by the name in the C source."""
-    reads: dict[str, set[str]] = field(default_factory=dict)
-    """Names of readings by who needs them: "BASE", "IPC", "DAMPER", "YAW", "AGENT", "LINEAR", "LIDAR", "GUARD",
-    "SUPERVISOR"."""
+    values: dict[str, float | list[float]] = field(default_factory=dict)  #: of `PARAMETERS`
+    groups: set[str] = field(default_factory=lambda: {"all", "base"})  #: of parameters
+    constants: dict[str, int] = field(default_factory=dict)  #: whole numbers of the preprocessor, by name
+    additions: list[str] = field(default_factory=list)  #: names of the C source, in the order in which they act
+    tables: dict[str, RotorTable] = field(default_factory=dict)  #: rotor tables by the name in the C source
+    reads: dict[str, set[str]] = field(default_factory=dict)  #: readings by who needs them, of `discon._USERS`
     linear: LinearPitch | None = None
-    """Arrays of linear optimal pitch."""
-    lidar: Lidar | None = None
-    """That is read, with its beams apart where an agent reads them."""
+    lidar: Lidar | None = None  #: with its beams apart where an agent reads them
     feedforward: LidarFeedforward | None = None
-    """That moves the collective pitch."""
     supervisor: Supervisor | None = None
-    """That starts and stops the turbine."""
 
     def parks_in(self, wind: float) -> bool:
         """Whether the turbine stands at a start in a wind [m/s]."""
         return self.supervisor is not None and not self.supervisor.runs_in(wind)
 
-    def take(self, group: str, source: Any, *names: str, prefix: str = "") -> None:
-        """Take the attributes of an object as the parameters of a group, under their names behind a prefix."""
+    def take(self, group: str, source: Any, prefix: str = "") -> None:
+        """Take the attributes of an object that are parameters of a group, under their names behind a prefix."""
         self.groups.add(group)
-        self.values |= {f"{prefix}{name}": getattr(source, name) for name in names}
+        names = [entry.name.removeprefix(prefix) for entry in PARAMETERS if entry.group == group]
+        self.values |= {f"{prefix}{name}": getattr(source, name) for name in names if hasattr(source, name)}
 
     def take_gains(self, law: PitchLaw, group: str, flag: str, prefix: str = "") -> None:
         """Take the gains of a pitch law, whose table, where it has one, is told by a constant of the preprocessor."""
         table = law.table
         self.constants[flag] = int(table is not None)
         if table is None:
-            names = "proportional_gain", "integral_gain", "gain_doubling_pitch"
-            self.take(group + "gains", law, *names, prefix=prefix)
+            self.take(group + "gains", law, prefix)
             return
         self.groups.add(group + "gain_table")
         columns = "gain_pitch", "proportional_gains", "integral_gains"
@@ -151,12 +328,7 @@ class Parts:
     def take_lidar(self, lidar: Lidar, apart: bool = False) -> None:
         """Take the lidar that a controller or an agent reads, its beams apart or not."""
         lidar = replace(lidar, apart=apart)
-        if lidar.n_readings > MOST_LIDAR_POINTS:
-            what = "beams over all gates" if apart else "gates"
-            raise ValueError(
-                f"a lidar to be exported must have at most {MOST_LIDAR_POINTS} {what}, for which the Bladed interface "
-                f"has records, got {lidar.n_readings}"
-            )
+        check_points(lidar, "to be exported")
         self.groups.add("lidar")
         self.lidar = lidar
         self.values["lidar_speed_factor"] = 1.0
@@ -179,8 +351,9 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
         )
     parts = Parts(turbine)
     drive, pitch = turbine.drivetrain, turbine.pitch
-    parts.take("all", drive, "gear_ratio", "rated_rotor_speed")
     parts.values |= {
+        "gear_ratio": drive.gear_ratio,
+        "rated_rotor_speed": drive.rated_rotor_speed,
         "controller_step": step,
         "drive": 0.0,
         "acceleration_axes": 0.0,
@@ -239,24 +412,17 @@ def _feedforward(parts: Parts, wrapper: LidarFeedforward) -> None:
 
 def _supervision(parts: Parts, wrapper: Supervisor) -> None:
     """Supervisory control: its numbers, and the pitch law of its start-up."""
-    p = wrapper.parameters
     parts.supervisor = wrapper
-    parts.take(
-        "supervisor", p, "cut_in", "restart", "derate_from", "cut_out", "least_speed", "least_power", "averaging",
-        "restart_delay", "run_up", "gust", "overspeed", "stop_rate", "start_rate", "feather", "fine_pitch",
-        "cut_in_speed", "radius", "rated_speed", "rated_torque", prefix="supervisor_",
-    )  # fmt: skip
-    parts.values["supervisor_to_generator"] = p.rated_speed * p.gear_ratio
+    parts.take("supervisor", wrapper, "supervisor_")
+    hidden = "radius", "rated_speed", "rated_torque", "to_generator"
+    parts.values |= {f"supervisor_{name}": getattr(wrapper, name) for name in hidden}
     parts.take_gains(wrapper.pitch_law, "supervisor_", "START_GAIN_TABLE", "supervisor_")
     parts.reads["SUPERVISOR"] = {"rotor_speed", "wind"}
 
 
 def _baseline(parts: Parts, p: BaselineParameters) -> None:
     """Speed filter, pitch law and limits."""
-    parts.take(
-        "base", p, "corner_frequency", "filter_damping", "notch_frequency", "reference_speed", "min_pitch", "max_pitch",
-        "max_pitch_rate", "max_torque", "max_torque_rate",
-    )  # fmt: skip
+    parts.take("base", p)
     parts.values |= {"rated_power": p.torque.rated_power, "constant_power": float(p.constant_power)}
     parts.take_gains(p.pitch_law, "", "GAIN_TABLE")
 
@@ -264,8 +430,7 @@ def _baseline(parts: Parts, p: BaselineParameters) -> None:
 def _torque_curve(parts: Parts, base: DisconController | PowerTracking) -> None:
     p = base.parameters
     _baseline(parts, p)
-    names = "cut_in_speed", "region_2_speed", "rated_generator_speed", "region_2_gain", "slip"
-    parts.take("torque_curve", p.torque, *names)
+    parts.take("torque_curve", p.torque)
     parts.values["region_3_min_pitch"] = p.region_3_min_pitch
     parts.reads["BASE"] = {"pitch", "generator_speed"}
 
@@ -273,19 +438,18 @@ def _torque_curve(parts: Parts, base: DisconController | PowerTracking) -> None:
 def _power_tracking(parts: Parts, base: PowerTracking) -> None:
     """Torque curve that follows a demanded power."""
     _torque_curve(parts, base)
-    law = base.law
-    if law.way == "pitch" and parts.feedforward is not None:
+    if base.way == "pitch" and parts.feedforward is not None:
         raise ValueError(
             "a controller to be exported must have derate_pitch or lidar, not both: one moves the least pitch"
         )
-    parts.constants["DERATE"] = 1 + WAYS.index(law.way)
+    parts.constants["DERATE"] = 1 + WAYS.index(base.way)
     parts.groups.add("power")
     parts.values |= {"generator_efficiency": base.generator_efficiency, "power_level": base.level}
-    if law.way == "pitch":
+    if base.way == "pitch":
         parts.groups.add("power_pitch")
-        parts.values |= {"power_shares": law._shares.tolist(), "power_pitch": law._share_pitch.tolist()}
-    if law.way == "kinetic":
-        parts.take("power_store", law, "lowest_speed", "band", "raised", prefix="store_")
+        parts.values |= {"power_shares": base.shares.tolist(), "power_pitch": base.share_pitch.tolist()}
+    if base.way == "kinetic":
+        parts.take("power_store", base, "store_")
     parts.reads["BASE"] = {"pitch", "generator_speed", "demanded_power"}
 
 
@@ -295,10 +459,7 @@ def _tracking(parts: Parts, base: TsrTrackingController) -> None:
     parts.constants["TRACKS_TIP_SPEED_RATIO"] = 1
     parts.tables["BASE_TABLE"] = estimator.table
     parts.take_estimator(estimator)
-    parts.take(
-        "tracking", p, "speed_per_wind", "torque_gain", "torque_integral_gain", "wind_time_constant",
-        "smoothing_time_constant", "pitch_to_speed", "torque_to_speed", "constant_power_pitch",
-    )  # fmt: skip
+    parts.take("tracking", p)
     parts.values |= {
         "min_generator_speed": p.min_speed,
         "estimator_bandwidth": estimator.bandwidth,
@@ -309,7 +470,7 @@ def _tracking(parts: Parts, base: TsrTrackingController) -> None:
     parts.reads["BASE"] = {"pitch", "generator_speed", "rotor_speed", "generator_torque"}
     if (band := base.exclusion) is not None:
         parts.constants["WITH_EXCLUSION"] = 1
-        parts.take("exclusion", band, "low", "high", "rate", prefix="exclusion_")
+        parts.take("exclusion", band, "exclusion_")
         parts.values["exclusion_above"] = float(band._always_above)
 
 
@@ -353,7 +514,7 @@ def _fore_aft(parts: Parts, addition: ForeAftDamper, step: float) -> None:
     low, high = addition.pitch_limits
     if not math.isclose(high, parts.turbine.pitch.max_pitch):
         raise ValueError(f"the fore-aft damper must end at the greatest pitch of the drives, got {high!r} rad")
-    parts.take("fore_aft", addition, "gain", "limit", prefix="fore_aft_")
+    parts.take("fore_aft", addition, "fore_aft_")
     parts.values |= {"fore_aft_corner": addition._velocity.corner, "fore_aft_min_pitch": low}
     parts.take_fade(addition.fade, "FADE_FORE_AFT", "fore_aft")
     parts.groups.add("acceleration")
@@ -361,14 +522,14 @@ def _fore_aft(parts: Parts, addition: ForeAftDamper, step: float) -> None:
 
 
 def _side_side(parts: Parts, addition: SideSideDamper, step: float) -> None:
-    parts.take("side_side", addition, "gain", "limit", prefix="side_side_")
+    parts.take("side_side", addition, "side_side_")
     parts.values["side_side_corner"] = addition._velocity.corner
     parts.groups.add("acceleration")
     parts.reads.setdefault("DAMPER", set()).update(ACCELERATION)
 
 
 def _yaw(parts: Parts, addition: YawByDeadBand, step: float) -> None:
-    parts.take("yaw", addition, "rate", "dead_band", "stop", prefix="yaw_")
+    parts.take("yaw", addition, "yaw_")
     parts.values |= {
         "yaw_slow_time": addition._slow.time_constant,
         "yaw_fast_time": addition._fast.time_constant,
@@ -378,14 +539,10 @@ def _yaw(parts: Parts, addition: YawByDeadBand, step: float) -> None:
 
 def _guard(parts: Parts, guard: FaultSupervisor) -> None:
     """A supervisor of faults around the controller."""
-    p = guard.parameters
     parts.constants["INDIVIDUAL_BLADES"] = 1
-    parts.take(
-        "guard", p, "speed_tolerance", "moment_jump", "frozen_time", "vane_jump", "pitch_tolerance", "pitch_time",
-        "fade_time", "efficiency", "least_torque", prefix="guard_",
-    )  # fmt: skip
+    parts.take("guard", guard, "guard_")
     if "supervisor" in parts.groups:
-        parts.take("guard_stop", p, "stop_deviation", prefix="guard_")
+        parts.take("guard_stop", guard, "guard_")
     parts.reads["GUARD"] = {
         "pitch", "out_of_plane", "in_plane", "rotor_speed", "generator_speed", "generator_torque", "power", "yaw_error",
         "wind", "azimuth",
@@ -484,24 +641,17 @@ KINDS = (
 class Seen:
     """One channel of a reading."""
 
-    kind: str
-    """Of `KINDS`."""
-    index: int
-    """Blade, coordinate or component, from 0."""
+    kind: str  #: of `KINDS`
+    index: int  #: blade, coordinate or component, from 0
     channel: Any
-    reads: set[str]
-    """Readings that it needs."""
-    washed: bool = False
-    """Whether it passes the high-pass filter of the observation."""
+    reads: set[str]  #: readings that it needs
+    washed: bool = False  #: whether it passes the high-pass filter of the observation
 
 
 def seen_channels(layout: EnvLayout, hold_missing: bool) -> list[Seen]:
     """Channels of one reading, in order, without those of earlier readings.
 
-    Parameters
-    ----------
-    hold_missing : bool
-        Whether channels that the interface does not have are held at the middle of their scale.
+    Those that the interface does not have are held at the middle of their scale if ``hold_missing``.
     """
     found = [
         replace(_seen(channel, layout), washed=channel.name in layout.washed)
@@ -541,18 +691,8 @@ def _n_pitch(layout: EnvLayout) -> int:
 
 
 def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Seen]) -> None:
-    """Add an agent to the parts of its base controller.
-
-    Parameters
-    ----------
-    parts : Parts
-        Changed.
-    env : WindTurbineEnv
-        In which it was trained.
-    """
+    """Add an agent to the parts of its base controller, with the environment in which it was trained."""
     layout, action, residual = env.layout, env.layout.action, env.operation.residual
-    if action.mode != "residual":
-        raise ValueError(f"an agent must have residual actions to be exported as a controller, got {action.mode!r}")
     parts.groups.add("agent")
     n_pitch, torque = _n_pitch(layout), "torque" in action.components
     forms = "none", "collective", "individual", "fixed-frame", "cyclic"
@@ -590,7 +730,7 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
     if n_pitch and action.pitch != "collective":
         parts.constants["INDIVIDUAL_BLADES"] = 1
     parts.take_fade(residual._fade if residual is not None else None, "FADE_AGENT", "offset", "agent")
-    spans = action._spans
+    spans = action.spans
     parts.values |= {
         "agent": 1.0,
         "control_step": layout.control_dt,

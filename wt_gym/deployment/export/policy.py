@@ -38,11 +38,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.layout import EnvLayout
     from wt_gym.experiment.trained_agent import TrainedAgent
 
-__all__ = [
-    "INPUT", "OUTPUT", "Network", "check_onnx", "export_onnx", "network_of", "training_environment",
-    "write_onnx",
-]  # fmt: skip
-
 POLICY_FILE, CARD_FILE = "policy.onnx", "README.md"
 _KEPT = ("agent", "turbine", "control_step_s", "reading_delay_steps", "action_mode", "base_controller", "wt_gym")
 
@@ -56,11 +51,6 @@ def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> Win
 def export_onnx(choice: str, folder: str | Path) -> dict[str, Any]:
     """Write a trained agent's policy as an ONNX file with a card beside it, and check it.
 
-    Parameters
-    ----------
-    choice : str
-        Name of a trained agent: a folder or a file.
-
     Returns
     -------
     dict
@@ -68,11 +58,9 @@ def export_onnx(choice: str, folder: str | Path) -> dict[str, Any]:
 
     Raises
     ------
-    ValueError
+    ValueError, FileNotFoundError
         If the name is not a trained agent, its policy cannot be exported (`network_of`), or the file gives other
-        actions.
-    FileNotFoundError
-        If there is no model.
+        actions; if there is no model.
     """
     name = parse_name(choice)
     if name.kind != "trained":
@@ -107,22 +95,17 @@ ACTIVATIONS = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu", torch.nn.ELU: "elu"
 class Layer:
     """``activation(weight x + bias)``."""
 
-    weight: np.ndarray
-    """Shape (n_out, n_in), float32."""
-    bias: np.ndarray
-    """Shape (n_out,), float32."""
-    activation: str
-    """Of `ACTIVATIONS`, or "" for none."""
+    weight: np.ndarray  #: shape (n_out, n_in), float32
+    bias: np.ndarray  #: shape (n_out,), float32
+    activation: str  #: of `ACTIVATIONS`, or "" for none
 
 
 @dataclass(frozen=True)
 class Normalization:
     """``clip((x − mean)/sqrt(variance + epsilon), −limit, limit)``, statistics of the training."""
 
-    mean: np.ndarray
-    """Shape (n,)."""
-    deviation: np.ndarray
-    """``sqrt(variance + epsilon)``, shape (n,)."""
+    mean: np.ndarray  #: shape (n,)
+    deviation: np.ndarray  #: ``sqrt(variance + epsilon)``, shape (n,)
     limit: float
 
 
@@ -147,17 +130,7 @@ class Network:
     """Whether the last layer's output goes from −1 to 1 over the range, not clipped to it."""
 
     def action(self, values: np.ndarray) -> np.ndarray:
-        """Action for measured values, with NumPy alone.
-
-        Parameters
-        ----------
-        values : numpy.ndarray, shape (..., n_obs)
-            In SI units.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., n_act), float32
-        """
+        """Action (..., n_act), float32, for measured values (..., n_obs) in SI units, with NumPy alone."""
         return self.of_observation(self._observation(values))
 
     def _observation(self, values: np.ndarray) -> np.ndarray:
@@ -173,22 +146,13 @@ class Network:
         return x
 
     def rounding(self, values: np.ndarray) -> np.ndarray:
-        """Bound on the difference of two single-precision computations of an action, whatever their order of sums.
+        """Bound on the difference (..., n_act) of two single-precision computations of an action, in any order of sums.
 
         Rounding errors are independent, with zero mean and at most u = 2⁻²⁴ of the rounded number, as in the analysis
         of Higham and Mary (SIAM J. Sci. Comput. 41, 2019, A2815). Each of the n additions of a sum s of products p
         rounds a partial sum, whose mean square over all orders is at most s² + Σ p²; so the error of the sum has the
         variance n u² (s² + Σ p²). A layer passes on the root sum square of the errors of its inputs times its weights;
         activations enlarge none and add a unit in the last place. The bound is seven standard deviations.
-
-        Parameters
-        ----------
-        values : numpy.ndarray, shape (..., n_obs)
-            As of `action`.
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., n_act)
         """
         x = self._standardized(self._observation(values)).astype(np.float64)
         error = _UNIT * np.abs(x)
@@ -206,16 +170,7 @@ class Network:
         return bound
 
     def of_observation(self, observation: np.ndarray) -> np.ndarray:
-        """Action for an observation as the environment gives it, in scales of the channels.
-
-        Parameters
-        ----------
-        observation : numpy.ndarray, shape (..., n_obs)
-
-        Returns
-        -------
-        numpy.ndarray, shape (..., n_act), float32
-        """
+        """Action (..., n_act), float32, for an observation (..., n_obs) as the environment gives it."""
         x = self._standardized(observation)
         for layer in self.layers:
             x = _APPLIED[layer.activation](x @ layer.weight.T + layer.bias)
@@ -234,13 +189,7 @@ _APPLIED: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def network_of(agent: TrainedAgent, layout: EnvLayout) -> Network:
-    """Take a policy apart.
-
-    Parameters
-    ----------
-    layout : EnvLayout
-        Of an environment that it fits.
-    """
+    """Take a policy apart, for the layout of an environment that it fits."""
     agent.check_fits(layout)
     policy, space = agent.model.policy, agent.model.action_space
     if not isinstance(space, spaces.Box):
@@ -315,13 +264,7 @@ _OPERATORS = {"tanh": "Tanh", "relu": "Relu", "elu": "Elu"}
 
 
 def write_onnx(network: Network, path: Path, metadata: dict[str, Any]) -> None:
-    """Write a policy.
-
-    Parameters
-    ----------
-    metadata : dict
-        JSON values kept in the file beside the names and units of the channels.
-    """
+    """Write a policy, with metadata of JSON values beside the names and units of the channels."""
     import onnx
     from onnx import TensorProto, helper, numpy_helper
 
@@ -382,21 +325,15 @@ def write_onnx(network: Network, path: Path, metadata: dict[str, Any]) -> None:
 
 
 def check_onnx(network: Network, path: Path, count: int = 1000, seed: int = 0) -> float:
-    """Compare the actions of a file with those of a network, over drawn values.
+    """Largest difference of the actions of a file from those of a network [-], over drawn values.
 
     The values go a tenth beyond the ranges of the sensors.
 
-    Returns
-    -------
-    float
-        Largest difference [-].
-
     Raises
     ------
-    ModuleNotFoundError
-        If onnxruntime is not installed.
-    ValueError
-        If an action differs by more than the rounding of single precision (`Network.rounding`).
+    ModuleNotFoundError, ValueError
+        If onnxruntime is not installed; if an action differs by more than the rounding of single precision
+        (`Network.rounding`).
     """
     import onnxruntime
 
@@ -424,13 +361,7 @@ _EFFECTS = {
 
 
 def card_of(name: str, record: Mapping[str, Any], layout: EnvLayout, network: Network) -> dict[str, Any]:
-    """Facts of an agent as JSON values.
-
-    Parameters
-    ----------
-    record : mapping
-        Of its training; empty where there is none.
-    """
+    """Facts of an agent as JSON values; the record of its training is empty where there is none."""
     arguments = trained_arguments(record)
     observation = layout.observation
     return {

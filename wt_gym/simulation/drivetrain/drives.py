@@ -38,13 +38,7 @@ LONGEST_DAMPER_STEP = 2.0
 
 
 def check_finite(**values: float) -> None:
-    """Refuse what is not a finite number.
-
-    Raises
-    ------
-    ActionError
-        Naming the value.
-    """
+    """Refuse what is not a finite number, with an `ActionError` that names the value."""
     for name, value in values.items():
         if not isinstance(value, (float, numbers.Real)) or not math.isfinite(value):
             raise ActionError(f"{name} is {value!r}; must be a finite number")
@@ -115,13 +109,7 @@ class PitchDrives:
     n_blades: int
 
     def vector(self, pitch: ArrayLike) -> Array:
-        """One angle or one a blade [rad] as an array (n_blades,).
-
-        Raises
-        ------
-        ActionError
-            For another shape, values that are not finite, and degrees.
-        """
+        """One angle or one a blade [rad] as an array (n_blades,); an `ActionError` for anything else, and degrees."""
         n = self.n_blades
         try:
             vector = np.asarray(pitch, dtype=float)
@@ -152,15 +140,10 @@ class PitchDrives:
 
 @dataclass(frozen=True)
 class YawDrive:
-    """Turns the nacelle at the demanded rate, up to its greatest, and holds it otherwise.
-
-    Parameters
-    ----------
-    max_rate : float
-        [rad/s]; zero without a drive.
-    """
+    """Turns the nacelle at the demanded rate, up to its greatest, and holds it otherwise."""
 
     max_rate: float
+    """[rad/s]; zero without a drive."""
 
     def first(self, value: float, speed: float) -> Array:
         """Command (1,) at the start: an angle [rad]."""
@@ -187,19 +170,17 @@ class PitchLaw(Law["ArrayLike"], Protocol):
 class GeneratorLaw(Law[float], Protocol):
     """What loads the rotor.
 
-    Attributes
-    ----------
-    damping : float
-        Of a damper that the structure holds between nacelle and rotor [N m s/rad, low-speed shaft]. It acts at every
-        stage of the integration; held over an aerodynamic step instead, a strong one would drive a light hub unstable.
-    held : bool
-        Whether the torque jumps to its command at the start of a step; else, and in a law without it, it goes there
-        evenly within the step.
+    The torque of a law whose attribute ``held`` is true jumps to its command at the start of a step; otherwise, and in
+    a law without it, it goes there evenly within the step.
     """
 
     @property
     def damping(self) -> float:
-        """Of the damper between nacelle and rotor [N m s/rad, low-speed shaft]."""
+        """Of a damper that the structure holds between nacelle and rotor [N m s/rad, low-speed shaft].
+
+        It acts at every stage of the integration; held over an aerodynamic step, a strong one would drive a light hub
+        unstable.
+        """
 
     def balance(self, moment: float, speed: float) -> float:
         """The torque [N m, high-speed shaft] that comes closest to holding a moment of the air [N m, low-speed]."""
@@ -272,13 +253,7 @@ class LaggedTorque(TorqueCommand):
 
 
 def check_damper_step(drivetrain: Drivetrain, time_step: float) -> None:
-    """Refuse a damper of the shaft whose torsion is too fast for a step of the simulator [s].
-
-    Raises
-    ------
-    SimulationError
-        With the longest step.
-    """
+    """Refuse a damper of the shaft whose torsion is too fast for a step of the simulator [s]: a `SimulationError`."""
     damper = drivetrain.shaft_damper
     if damper is not None and (angle := damper.frequency * time_step) > LONGEST_DAMPER_STEP:
         raise SimulationError(
@@ -314,7 +289,7 @@ def damper_weights(angle: float) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True)
-class DampingTorque:
+class DampingTorque(TorqueCommand):
     """A generator that damps the torsion of the shaft, on top of a law for the torque that is asked for.
 
     The converter adds c (Ω - mean) to the torque, c and the frequency of the torsion as in
@@ -324,27 +299,17 @@ class DampingTorque:
 
     Its command is the torque that acts, the torque that is asked for, the sum of it and of the damping as it was set
     [N m, high-speed shaft], the low-passed speed and the high-passed one a step ago [rad/s, low-speed shaft]. Where the
-    torque that acts is less than was set, a fault has cut it, and the demand begins again from there.
-
-    Parameters
-    ----------
-    drivetrain : Drivetrain
-        With a ``shaft_damper``.
+    torque that acts is less than was set, a fault has cut it, and the demand begins again from there. The drivetrain
+    must have a ``shaft_damper``.
     """
 
     law: TorqueCommand
-    drivetrain: Drivetrain
-    damping = 0.0
     held = True
 
     def first(self, value: float, speed: float) -> Array:
         """Command (5,) at the start, for a torque [N m] and a rotor speed [rad/s]."""
         torque = self.law.first(value, speed).item()
         return np.array([torque, torque, torque, speed, 0.0])
-
-    def balance(self, moment: float, speed: float) -> float:
-        """See `TorqueCommand.balance`."""
-        return self.law.balance(moment, speed)
 
     def follow(self, command: Array, demand: float, dt: float, speed: float) -> None:
         """Move the command (5,) towards the demanded torque [N m] and against the torsion."""
@@ -361,26 +326,13 @@ class DampingTorque:
         acts = min(max(asked + damping, 0.0), available_torque(drivetrain, speed))
         command[:] = acts, asked, acts, mean + kappa * passed, passed
 
-    def moment(self, command: Array) -> float:
-        """See `TorqueCommand.moment`."""
-        return self.law.moment(command)
-
-    def torque(self, command: Array, speed: float) -> float:
-        """See `TorqueCommand.torque`."""
-        return self.law.torque(command, speed)
-
 
 @dataclass(frozen=True)
 class LinearDamper:
-    """A generator whose torque is proportional to its speed, M = c Ω (Gebhardt et al. 2012); it takes no demand.
-
-    Parameters
-    ----------
-    damping : float
-        c, on the low-speed shaft [N m s/rad].
-    """
+    """A generator whose torque is proportional to its speed, M = c Ω (Gebhardt et al. 2012); it takes no demand."""
 
     damping: float
+    """c, on the low-speed shaft [N m s/rad]."""
     drivetrain: Drivetrain
     held = False
 
@@ -420,7 +372,7 @@ def _own_law(drivetrain: Drivetrain) -> GeneratorLaw:
     if not drivetrain.takes_torque:
         return LinearDamper(drivetrain.generator_damping, drivetrain)
     law = LaggedTorque(drivetrain) if drivetrain.torque_lag > 0.0 else TorqueCommand(drivetrain)
-    return law if drivetrain.shaft_damper is None else DampingTorque(law, drivetrain)
+    return law if drivetrain.shaft_damper is None else DampingTorque(drivetrain, law)
 
 
 class Fault(Protocol):

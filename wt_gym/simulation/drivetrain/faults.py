@@ -59,20 +59,10 @@ class _InPlace:
 
 @dataclass(frozen=True)
 class DriveFault:
-    """Something that happens to the drives.
-
-    Parameters
-    ----------
-    time : float
-        When it begins [s].
-
-    Raises
-    ------
-    ActionError
-        If a value has no meaning.
-    """
+    """Something that happens to the drives; an `ActionError` for values without meaning."""
 
     time: float
+    """When it begins [s]."""
     _numbers: ClassVar[tuple[tuple[Any, ...], ...]] = ()
     """Name, meaning, unit, bound of a field and whether it is open, see `_require`."""
 
@@ -82,13 +72,7 @@ class DriveFault:
             _require(meaning, getattr(self, name), *limits)
 
     def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
-        """Put laws that fail in the place of those that the drives have.
-
-        Parameters
-        ----------
-        clock : callable
-            Gives the time at the start of the present step [s].
-        """
+        """Put laws that fail in the place of those that the drives have; the clock gives the time of the step [s]."""
         raise NotImplementedError
 
     def begun(self, now: float, dt: float) -> bool:
@@ -101,6 +85,7 @@ class _BladeFault(DriveFault):
     """Something that happens to the pitch of one blade."""
 
     blade: int = 1
+    """From 1 on."""
     _what: ClassVar[str]
 
     def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
@@ -117,15 +102,7 @@ class _BladeFault(DriveFault):
 
 @dataclass(frozen=True)
 class StuckPitch(_BladeFault):
-    """From a time on one blade stays at the pitch it has been commanded to: its rate is zero.
-
-    Parameters
-    ----------
-    time : float
-        [s].
-    blade : int
-        From 1 on.
-    """
+    """From a time on one blade stays at the pitch it has been commanded to: its rate is zero."""
 
     _what = "be stuck"
 
@@ -138,19 +115,10 @@ class StuckPitch(_BladeFault):
 
 @dataclass(frozen=True)
 class SlowPitch(_BladeFault):
-    """From a time on the drive of one blade turns no faster than at a rate of its own.
-
-    Parameters
-    ----------
-    time : float
-        [s].
-    blade : int
-        From 1 on.
-    rate : float
-        [rad/s].
-    """
+    """From a time on the drive of one blade turns no faster than at a rate of its own."""
 
     rate: float = math.radians(1.0)
+    """[rad/s]."""
     _what = "be slow"
     _numbers = (("rate", "rate of a slow pitch drive", "rad/s", 0.0),)
 
@@ -168,18 +136,10 @@ class PitchMisalignment(_BladeFault):
     It slips at `SLIP_RATE`. The encoder is on the drive and does not see it (`read`), and the range of the drive is
     shifted with the blade. An offset that is there from the start of an episode is the error of a blade that was
     mounted wrongly.
-
-    Parameters
-    ----------
-    time : float
-        [s].
-    blade : int
-        From 1 on.
-    offset : float
-        Positive to feather [rad].
     """
 
     offset: float = math.radians(2.0)
+    """Positive to feather [rad]."""
     _what = "slip"
     _numbers = (("offset", "offset of a blade", "rad"),)
 
@@ -213,16 +173,10 @@ class ShutDown(DriveFault):
     """From a time on all blades go to feather at a rate of their own and no torque is demanded, whatever is asked for.
 
     The torque falls at the greatest rate of the generator. Pitch rates beyond those of the drive are the drive's.
-
-    Parameters
-    ----------
-    time : float
-        [s].
-    rate : float
-        Of the pitch [rad/s].
     """
 
     rate: float = math.radians(8.0)
+    """Of the pitch [rad/s]."""
     _numbers = (("rate", "pitch rate of a shut-down", "rad/s", 0.0, True),)
 
     def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
@@ -270,23 +224,14 @@ class VoltageDip(DriveFault):
 
     The torque that is asked for returns no faster than at the greatest rate of the generator. What a converter adds
     against the torsion of the shaft (`wt_gym.simulation.drivetrain.drives.DampingTorque`) is cut with it.
-
-    Parameters
-    ----------
-    time : float
-        [s].
-    remaining : float
-        Voltage over nominal during the dip [-].
-    duration : float
-        [s]; 150 ms are those of the usual grid codes for a dip to zero.
-    recovery : float
-        Rate at which the power that is allowed comes back, over rated [1/s].
     """
 
     remaining: float = 0.0
+    """Voltage over nominal during the dip [-]."""
     duration: float = 0.15
+    """[s]; 150 ms are those of the usual grid codes for a dip to zero."""
     recovery: float = 1.0
-
+    """Rate at which the power that is allowed comes back, over rated [1/s]."""
     _numbers = (
         ("remaining", "remaining voltage of a dip", "", 0.0),
         ("duration", "duration of a voltage dip", "s", 0.0, True),
@@ -310,15 +255,9 @@ class VoltageDip(DriveFault):
         return True
 
     def move_torque(
-        self,
-        drivetrain: Drivetrain,
-        law: GeneratorLaw,
-        now: float,
-        command: Array,
-        demand: float,
-        dt: float,
+        self, drivetrain: Drivetrain, law: GeneratorLaw, now: float, command: Array, demand: float, dt: float,
         speed: float,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Move the command, and cut it to what the grid takes."""
         law.follow(command, demand, dt, speed)
         if now + dt <= self.time or now >= self.recovered or speed <= 0.0:
@@ -371,28 +310,18 @@ class SensorBias:
     """From a time on sensors read ``factor`` times the truth plus ``offset``: what is read, not what is.
 
     Base controllers and observations see it; rewards, ends of episodes and recorded signals do
-    not. A yaw error or azimuth that leaves the range of its channel comes in again at the other end.
-
-    Parameters
-    ----------
-    time : float
-        [s].
-    channels : tuple of str
-        Of `wt_gym.simulation.channels.channel_table`; what one sensor gives in several units belongs together, for
-        example ``("rotor_speed", "generator_speed")``.
-    offset : float
-        In the unit of the channels.
-
-    Raises
-    ------
-    ActionError
-        If a value has no meaning.
+    not. A yaw error or azimuth that leaves the range of its channel comes in again at the other end. An `ActionError`
+    for values without meaning.
     """
 
     time: float
+    """When it begins [s]."""
     channels: tuple[str, ...]
+    """Of `wt_gym.simulation.channels.channel_table`; what one sensor gives in several units belongs together, for
+    example ``("rotor_speed", "generator_speed")``."""
     factor: float = 1.0
     offset: float = 0.0
+    """In the unit of the channels."""
 
     def __post_init__(self) -> None:
         _require("time of a fault", self.time, "s", 0.0)
@@ -402,13 +331,7 @@ class SensorBias:
             raise ActionError(f"channels of a sensor must be a tuple of names, got {self.channels!r}")
 
     def places(self, n_blades: int) -> list[int]:
-        """Where the channels stand in the signals of a turbine.
-
-        Raises
-        ------
-        ActionError
-            If there is no such channel.
-        """
+        """Where the channels stand in the signals of a turbine; an `ActionError` if there is no such channel."""
         return list(_places(tuple(self.channels), n_blades))
 
     def read(self, signals: Signals) -> Signals:

@@ -22,7 +22,7 @@ import math
 from collections.abc import Callable
 from functools import cached_property
 from types import FunctionType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -381,10 +381,6 @@ class Coupling:
         i = self.integrator
         return MeasuredState(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
 
-    def root_multipliers(self) -> Array:
-        """Lagrange multipliers of the blades' constraints, see `wt_gym.simulation.Simulator.root_multipliers`."""
-        return self.motion.root_multipliers()
-
     @property
     def blade_nodes(self) -> Array:
         """Lattice nodes (n_blades, n_points, 3) [m], a view."""
@@ -555,8 +551,7 @@ class Coupling:
 
     def compiled_step(self) -> Callable[..., int]:
         """The step of structure and air together, for the types of its arguments."""
-        result: Callable[..., int] = compiled_for(coupled_step, (*self.bundle(), self.wind.blades))
-        return result
+        return cast(Callable[..., int], compiled_for(coupled_step, (*self.bundle(), self.wind.blades)))
 
     @classmethod
     def was_compiled(cls) -> bool:

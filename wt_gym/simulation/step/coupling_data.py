@@ -111,8 +111,7 @@ def _disc_shares(models: TurbineModels) -> Array:
     span = models.turbine.hub.radius + models.lattice.planform.nodes[0, :, 2]
     edges = np.concatenate([[0.0], 0.5 * (span[1:] + span[:-1]), [span[-1]]])
     area = np.diff(edges**2)
-    result: Array = area / area.sum()
-    return result
+    return np.asarray(area / area.sum())
 
 
 class Extremes(NamedTuple):
