@@ -12,6 +12,7 @@ from wt_gym.analysis.results import Wind
 from wt_gym.commands import benchmark
 from wt_gym.commands import run as run_command
 from wt_gym.envs.terminations import IDLE_POWER, LEAST_SPELL, IdleClock
+from wt_gym.envs.terms import Transition
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.evaluation import EvaluationConfig
 from wt_gym.experiment.loadcase_report import load_case_tables
@@ -105,12 +106,12 @@ def test_a_supervisor_that_has_stopped_the_turbine_is_a_reason():
     turbine = load_turbine("nrel_5mw")
     clock, still = IdleClock(turbine), scripted_signals({"wind_x": 8.0})
     controller = SimpleNamespace(runs_in=lambda wind: True, in_production=False)
-    clock.advance(still, 0.2, None, controller)
+    clock.advance(Transition(turbine, still, still, 0.2), controller)
     assert clock.time == 0.0
     controller.in_production = True
-    clock.advance(still, 0.2, None, controller)
+    clock.advance(Transition(turbine, still, still, 0.2), controller)
     assert clock.time == 0.2
-    clock.advance(still, 0.2, None, controller, demanded=0.0)  # by a grid operator
+    clock.advance(Transition(turbine, still, still, 0.2, demanded_power=0.0), controller)  # by a grid operator
     assert clock.time == 0.0
 
 
@@ -121,16 +122,16 @@ def test_spells_count_in_a_run_from_the_least_length_on():
     runs = scripted_signals({"wind_x": 8.0, "generator_power": least})
     for count, total in ((LEAST_SPELL - 1, 0.0), (LEAST_SPELL, LEAST_SPELL), (30, 30.0 + LEAST_SPELL)):
         for _ in range(int(count)):
-            clock.advance(still, 1.0, None)
-        clock.advance(runs, 1.0, None)
+            clock.advance(Transition(turbine, still, still, 1.0))
+        clock.advance(Transition(turbine, still, runs, 1.0))
         assert clock.total == total
     clock.begin(None)
     assert (clock.time, clock.total) == (0.0, 0.0)
 
 
 def test_the_clock_asks_for_no_wind_while_the_turbine_makes_power():
-    clock = IdleClock(load_turbine("nrel_5mw"))
-    clock.advance(scripted_signals({"generator_power": 1e6}), 0.2, inflow=None, controller=None, faults=None)
+    turbine, runs = load_turbine("nrel_5mw"), scripted_signals({"generator_power": 1e6})
+    IdleClock(turbine).advance(Transition(turbine, runs, runs, 0.2), faults=None)
 
 
 def test_recorded_runs_hold_the_time(make_env):

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.canary import software
-from wt_gym.base.files import whole_file
+from wt_gym.base.files import write_whole
 from wt_gym.base.user_cache import user_cache
 from wt_gym.control.controllers import parts_of
 from wt_gym.envs.canary import canary_of
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from wt_gym.envs.running_record import Start
-    from wt_gym.envs.terms import Beginning, RewardTerm
+    from wt_gym.envs.terms import Beginning
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.wind import Inflow, TurbulenceBox
 
@@ -128,8 +128,7 @@ class Course:
                 return
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                with whole_file(path) as partial, partial.open("wb") as file:
-                    np.savez(file, names=np.array(self.names), rows=rows, ended=ended)
+                write_whole(path, lambda file: np.savez(file, names=np.array(self.names), rows=rows, ended=ended))
                 self._kept = len(rows)
                 _tidy(path.parent)
             except OSError as error:
@@ -173,10 +172,10 @@ _OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")
 class TwinSnapshot:
     """State of the controller alone."""
 
-    beginning: Beginning  #: Of the episode
+    beginning: Beginning  #: start of the episode
     course: Course  #: Rewards from there
-    steps: int  #: That were simulated
-    state: EnvSnapshot | None  #: Of the simulation; None where none runs
+    steps: int  #: simulated steps
+    state: EnvSnapshot | None  #: state of the simulation; None where none runs
 
 
 class Twin(Term):
@@ -292,16 +291,10 @@ def _description(env: WindTurbineEnv) -> tuple[str, str] | None:
     None where something is from outside of this package: it may do another thing tomorrow, or draw numbers.
     """
     controller, terms = env.operation.controller, env.reward_terms
-    parts: list[object] = [] if controller is None else [*parts_of(controller)]
-    if env.operation.make_simulator is not make_simulator or not all(map(_is_own, [*parts, *terms])):
-        return None
-    return _digest(controller), _digest(terms)
-
-
-def _is_own(part: object | RewardTerm) -> bool:
-    """Return True if an object is made by this package alone: a function as a reward is not."""
-    own = type(part).__module__.startswith(_OWN_MODULES)
-    return own and not hasattr(part, "function")
+    parts: list[object] = [*terms] if controller is None else [*parts_of(controller), *terms]
+    own = all(type(part).__module__.startswith(_OWN_MODULES) and not hasattr(part, "function") for part in parts)
+    known = own and env.operation.make_simulator is make_simulator
+    return (_digest(controller), _digest(terms)) if known else None
 
 
 def _digest(value: object) -> str:

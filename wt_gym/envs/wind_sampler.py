@@ -266,14 +266,14 @@ class WindOptions(Options):
 class WindFile:
     """A file of wind that was found whole."""
 
-    key: str  #: Its whole description, as JSON
+    key: str  #: whole description, as JSON
     turbine_size: tuple[float, float]  #: Hub height and rotor diameter of the turbine that it is for [m]
-    mean_speed: float  #: At the hub [m/s]
+    mean_speed: float  #: mean wind speed at the hub [m/s]
     hub_height: float  #: [m]
     description: str
     duration: float  #: Length of the record [s]
-    periodic: bool  #: Its end leads smoothly to its beginning
-    is_series: bool  #: It is the course of an event, which an episode meets from its beginning
+    periodic: bool  #: the end leads smoothly to the beginning
+    is_series: bool  #: course of an event, which an episode meets from the beginning
 
     @classmethod
     def found(
