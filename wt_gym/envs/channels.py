@@ -218,8 +218,6 @@ class Observable:
         Channels of features by the group that they make: lidar, power reference, dial.
     controller : Controller, optional
         Base controller: the states of its supervisor, its dead band and its linear optimal pitch are observable.
-    residual : ResidualPitch, optional
-        Filters of residual pitch.
     washout : float, optional
         Time constant of the high-pass filter on loads, deflections and accelerations [s].
     """

@@ -67,15 +67,10 @@ class Course:
         Name under which it is kept; None: it is not.
     names : tuple of str
         Of the terms.
-
-    Attributes
-    ----------
-    ended : bool
-        The episode was terminated with the last step.
     """
 
     def __init__(self, key: str | None, names: tuple[str, ...]):
-        self.key, self.names, self.ended = key, names, False
+        self.key, self.names, self.ended = key, names, False  # ended: terminated with the last step
         self._numbers = array("d")  # step after step
         self._kept = 0  # steps that stand on the disk
 
