@@ -12,6 +12,7 @@ from wt_gym.analysis.results import Wind
 from wt_gym.commands import benchmark
 from wt_gym.commands import run as run_command
 from wt_gym.envs.terminations import IDLE_POWER, LEAST_SPELL, IdleClock
+from wt_gym.envs.terms import Transition
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.evaluation import EvaluationConfig
 from wt_gym.experiment.loadcase_report import load_case_tables
@@ -101,14 +102,15 @@ def test_a_supervisor_and_a_grid_operator_stop_the_clock_and_power_ends_a_spell(
     times = []
     for producing, demanded in ((False, None), (True, None), (True, 0.0)):
         controller.in_production = producing
-        clock.advance(still, 0.2, None, controller, demanded=demanded)
+        clock.advance(Transition(turbine, still, still, 0.2, demanded_power=demanded), controller)
         times.append(clock.time)
     assert times == [0.0, 0.2, 0.0]
     clock, least = IdleClock(turbine), IDLE_POWER * turbine.drivetrain.rated_power
+    runs = scripted_signals({"wind_x": 8.0, "generator_power": least})
     for count, total in ((LEAST_SPELL - 1, 0.0), (LEAST_SPELL, LEAST_SPELL), (30, 30.0 + LEAST_SPELL)):
         for _ in range(int(count)):
-            clock.advance(still, 1.0, None)
-        clock.advance(scripted_signals({"generator_power": least}), 1.0, inflow=None)
+            clock.advance(Transition(turbine, still, still, 1.0))
+        clock.advance(Transition(turbine, still, runs, 1.0))
         assert clock.total == total
     clock.begin(None)
     assert (clock.time, clock.total) == (0.0, 0.0)

@@ -52,6 +52,16 @@ def files(tmp_path):
     return sorted((tmp_path / "twins").rglob("*.npz"))
 
 
+def test_the_canary_is_measured_for_the_first_episode(monkeypatch):
+    measured = []
+    monkeypatch.setattr(reward_store, "canary_of", lambda *_: measured.append(1) or {})
+    env = WindTurbineEnv(**ARGUMENTS)
+    assert not measured
+    for number in range(2):
+        env.reset(options={"start_number": number})
+    assert measured == [1]
+
+
 def test_a_recorded_twin_pays_the_same_bits_as_one_that_runs_beside(tmp_path, monkeypatch):
     """From memory, from the disk, and stepped beside by an environment that keeps nothing."""
     first = WindTurbineEnv(**ARGUMENTS)

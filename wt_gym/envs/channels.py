@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -169,23 +170,17 @@ def _pitch_rates(situation: Situation) -> list[float]:
     return [float((now - before) / sensors.dt) for now, before in zip(sensors.pitch, sensors.pitch_before, strict=True)]
 
 
-def _mean_pitch(situation: Situation) -> float:
-    return _mean(situation.sensors.pitch)
-
-
 def _mean_pitch_rate(situation: Situation) -> float:
     sensors = situation.sensors
     return _mean(np.subtract(sensors.pitch, sensors.pitch_before)) / sensors.dt
 
 
-def _mean_pitch_demand(situation: Situation) -> float:
-    return _mean(situation.operation.demand.pitch)
+def _mean_of(path: str, situation: Situation) -> float:
+    return _mean(attrgetter(path)(situation))
 
 
-def _controller_pitch(situation: Situation) -> float:
-    return _mean(situation.operation.base.pitch)
-
-
+_mean_pitch, _mean_pitch_demand = partial(_mean_of, "sensors.pitch"), partial(_mean_of, "operation.demand.pitch")
+_controller_pitch = partial(_mean_of, "operation.base.pitch")
 _wind_speed, _yaw_error = attrgetter("sensors.wind_speed"), attrgetter("sensors.yaw_error")
 _rotor_wind = attrgetter("sensors.estimator.wind")
 _previous_action = attrgetter("action")
@@ -223,8 +218,6 @@ class Observable:
         Channels of features by the group that they make: lidar, power reference, dial.
     controller : Controller, optional
         Base controller: the states of its supervisor, its dead band and its linear optimal pitch are observable.
-    residual : ResidualPitch, optional
-        Filters of residual pitch.
     washout : float, optional
         Time constant of the high-pass filter on loads, deflections and accelerations [s].
     """

@@ -139,7 +139,7 @@ class DialCourse:
     """Factors over time, each row holding up to the next."""
 
     times: tuple[float, ...]  #: Rising [s]
-    factors: tuple[tuple[float, ...], ...]  #: In the order of `DIAL_NAMES`, a row a time, with the sum of their number
+    factors: tuple[tuple[float, ...], ...]  #: rows in the order of `DIAL_NAMES`, each with the sum of their number
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self  # never changes

@@ -133,11 +133,11 @@ _CHANNELS = {
 class DrawnFault:
     """Fault of an episode."""
 
-    kind: str  #: Of `FAULT_KINDS`
+    kind: str  #: one of `FAULT_KINDS`
     blade: int  #: From 1 on; means nothing for faults of no blade
     time: float  #: [s]
-    size: float  #: See `SIZE_RANGES`; 0 where a kind has none
-    faults: tuple[DriveFault | SensorBias, ...]  #: Of `wt_gym.simulation.drivetrain.faults`
+    size: float  #: in the unit of `SIZE_RANGES`; 0 where a kind has none
+    faults: tuple[DriveFault | SensorBias, ...]  #: faults of the simulator and its sensors
 
     @property
     def ice(self) -> BladeIce | None:

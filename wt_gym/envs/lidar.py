@@ -37,19 +37,12 @@ def look(situation: Situation) -> np.ndarray:
 
 
 class LidarTerm(Term):
-    """Channels of a lidar: that of the options, that of the base controller, or one for the rotor.
-
-    Parameters
-    ----------
-    rotor_diameter : float
-        [m].
-    choice : Lidar or None
-        Of the options.
+    """Channels of a lidar: that of the options, that of the base controller, or one for the rotor diameter [m].
 
     Raises
     ------
     ValueError
-        If the base controller reads another lidar.
+        If the base controller reads another lidar than that of the options.
     """
 
     def __init__(self, rotor_diameter: float, choice: Lidar | None = None, controller: Controller | None = None):

@@ -339,12 +339,7 @@ def signature() -> inspect.Signature:
 
 
 def flat_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of the environment by their flat names alone.
-
-    Parameters
-    ----------
-    arguments : mapping
-        Where it has an ``env_id``, groups replace what that id of the registry says.
+    """Arguments of the environment by their flat names alone; with an ``env_id`` groups replace what that id says.
 
     Raises
     ------

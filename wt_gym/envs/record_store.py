@@ -69,14 +69,14 @@ class StartFile:
     """A record as it is stored."""
 
     turbine: str  #: Name
-    dimensions: tuple[float, ...]  #: See `dimensions`
+    dimensions: tuple[float, ...]  #: result of `dimensions`
     fidelity: str
     controller: str  #: Name
     level: float  #: Demanded power over the available one [-]
-    kind: str  #: See `wt_gym.envs.running_record.ControllerForm`
+    kind: str  #: as of `wt_gym.envs.running_record.ControllerForm`
     n_motion: int  #: Numbers of the motion of the structure
     canary: Canary  #: `record_canary` of the version of the package that recorded
-    turbine_digest: str = ""  #: Of a record of the user: `digest_of_turbine`
+    turbine_digest: str = ""  #: `digest_of_turbine` in a record of the user
 
     @classmethod
     def of(cls, path: Path) -> StartFile:

@@ -63,12 +63,12 @@ class Start:
     rotor_speed: float  #: [rad/s]
     pitch: np.ndarray  #: shape (n_blades,), [rad]
     generator_torque: float  #: High-speed shaft [N m]
-    azimuth: float  #: Of blade 1 [rad]
+    azimuth: float  #: azimuth of blade 1 [rad]
     tower_top: np.ndarray | None = None
     motion: np.ndarray | None = None
     wake_thrust: float | None = None  #: Mean thrust of the air in the time before, to which the wake belongs [N]
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
-    memory: ControllerForm | None = None  #: Of the controller that ran before
+    memory: ControllerForm | None = None  #: memory of the controller that ran before
     trail: np.ndarray | None = None  #: shape (n_channels,), means of the signals before; NaN where not recorded
 
     def mirrored(self, n_blades: int) -> Start:
@@ -108,7 +108,7 @@ class RecordingPlan:
 
     settling: float = 220.0  #: Left out at the start of a run: the side-side motion of the 5-MW decays by half in 100 s
     instants: int = 16  #: Recorded of a run
-    spacing: float = 24.0  #: Between them
+    spacing: float = 24.0  #: time between instants
 
 
 PLAN = RecordingPlan()
@@ -148,7 +148,7 @@ class RowLayout(NamedTuple):
     turning: slice  #: Azimuth and speed of the low-speed shaft
     history: slice  #: Wind before, see `_averaged`
     thrust: slice  #: Mean over the windows before [N]
-    motion: slice  #: Of the structure, nothing where the fidelity takes none
+    motion: slice  #: motion of the structure, empty where the fidelity takes none
     memory: slice  #: Numbers of the controller that change; to the end
 
     @classmethod
@@ -165,7 +165,7 @@ class Instants(NamedTuple):
     """Instants of a turbine in one wind."""
 
     rows: NDArray[np.float64]  #: shape (n_instants, n_columns), see `RowLayout`; without the memory of the controller
-    memories: list[Memory]  #: Of the controller
+    memories: list[Memory]  #: memory of the controller at each
 
 
 class StartRecorder:

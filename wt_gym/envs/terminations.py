@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from wt_gym.envs.terms import Beginning, Transition
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 PITCH_TRAVEL = "pitch_travel"
 COST_LIMITS = {PITCH_TRAVEL: "rad/d", "rotor_speed": "-", "tip_clearance": "m", "tower_acceleration": "m/s^2"}
@@ -299,45 +298,26 @@ class IdleClock(Term):
     def follow(self, step: Transition) -> None:
         """Count a step of an environment."""
         operation = cast("Operation", self._operation)
-        controller, faults = operation.controller, operation.faults
-        self.advance(step.after, step.dt, step.inflow, controller, faults, step.demanded_power)
+        self.advance(step, operation.controller, operation.faults)
 
-    def advance(
-        self,
-        signals: Signals,
-        dt: float,
-        inflow: Inflow | None,
-        controller: Controller | None = None,
-        faults: Iterable[object] = (),
-        demanded: float | None = None,
-    ) -> None:
-        """Count a step that led to signals, of length ``dt`` [s], with a demanded power [W].
-
-        Nothing is computed while the turbine makes power.
-        """
-        if signals["generator_power"] >= self._least or self._has_reason(signals, inflow, controller, faults, demanded):
+    def advance(self, step: Transition, controller: Controller | None = None, faults: Iterable[object] = ()) -> None:
+        """Count a step under a controller with faults; nothing is computed while the turbine makes power."""
+        if step.after["generator_power"] >= self._least or self._has_reason(step, controller, faults):
             self.time = 0.0
             return
-        before, self.time = self.time, self.time + dt
+        before, self.time = self.time, self.time + step.dt
         if self.time >= LEAST_SPELL:
-            self.total += dt if before >= LEAST_SPELL else self.time
+            self.total += step.dt if before >= LEAST_SPELL else self.time
 
-    def _has_reason(
-        self,
-        signals: Signals,
-        inflow: Inflow | None,
-        controller: Controller | None,
-        faults: Iterable[object],
-        demanded: float | None,
-    ) -> bool:
+    def _has_reason(self, step: Transition, controller: Controller | None, faults: Iterable[object]) -> bool:
         """Return True where wind, grid, fault or controller explain that there is no power."""
-        if demanded is not None and demanded < self._least:
+        if step.demanded_power is not None and step.demanded_power < self._least:
             return True
-        if not self._cut_in < self._disc.begin(inflow, signals) < self._cut_out:
+        if not self._cut_in < self._disc.begin(step.inflow, step.after) < self._cut_out:
             return True
         if not getattr(starting_part(controller), "in_production", True):
             return True
-        now = signals["time"]
+        now = step.after["time"]
         return any(
             now < fault.recovered if isinstance(fault, VoltageDip) else isinstance(fault, ShutDown | GeneratorLoss)
             for fault in faults

@@ -63,7 +63,7 @@ class Plant:
     """The turbine that an episode simulates."""
 
     turbine: Turbine
-    number: int = -1  #: In the set of a variation; -1: the nominal one
+    number: int = -1  #: place in the set of a variation; -1: nominal turbine
     ice: BladeIce | None = None
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
@@ -83,7 +83,7 @@ class Request:
     length: float | None  #: Length of the episode, where it is known [s]
     winds: WindSampler
     plant: Plant
-    yaw: float  #: Of the nacelle [rad]
+    yaw: float  #: yaw of the nacelle [rad]
     faults: tuple[DriveFault | SensorBias, ...]
     turns: list[Callable[[EpisodeWind], EpisodeWind]] = field(default_factory=list)  #: Changes of the drawn wind
     drawn: dict[str, Any] = field(default_factory=dict)  #: Results by name of the term
@@ -101,7 +101,7 @@ class Beginning:
 
     wind: EpisodeWind
     start: Start
-    yaw: float  #: Of the nacelle [rad]
+    yaw: float  #: yaw of the nacelle [rad]
     faults: tuple[DriveFault | SensorBias, ...]
     plant: Plant
     drawn: Mapping[str, Any]  #: Drawn objects by name of the term

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from wt_gym.envs.running_record import Start
-    from wt_gym.envs.terms import Beginning, RewardTerm
+    from wt_gym.envs.terms import Beginning
     from wt_gym.envs.turbine_env import WindTurbineEnv
     from wt_gym.wind import Inflow, TurbulenceBox
 
@@ -65,15 +65,10 @@ class Course:
         Name under which it is kept; None: it is not.
     names : tuple of str
         Of the terms.
-
-    Attributes
-    ----------
-    ended : bool
-        The episode was terminated with the last step.
     """
 
     def __init__(self, key: str | None, names: tuple[str, ...]):
-        self.key, self.names, self.ended = key, names, False
+        self.key, self.names, self.ended = key, names, False  # ended: terminated with the last step
         self._numbers = array("d")  # step after step
         self._kept = 0  # steps that stand on the disk
 
@@ -125,8 +120,11 @@ class Course:
                 rows, ended = np.array(self._numbers).reshape(-1, len(self.names)), self.ended
             if len(rows) <= self._kept:
                 return
-            table = {"names": np.array(self.names), "rows": rows, "ended": np.array(ended)}
-            if write_cached("rewards", path, lambda file: write_whole(file, lambda opened: np.savez(opened, **table))):
+
+            def write(file: Path) -> None:
+                write_whole(file, lambda opened: np.savez(opened, names=np.array(self.names), rows=rows, ended=ended))
+
+            if write_cached("rewards", path, write):
                 self._kept = len(rows)
                 _tidy(path.parent.parent)
 
@@ -165,10 +163,10 @@ _OWN_MODULES = ("wt_gym.control.controllers", "wt_gym.envs")
 class TwinSnapshot:
     """State of the controller alone."""
 
-    beginning: Beginning  #: Of the episode
+    beginning: Beginning  #: start of the episode
     course: Course  #: Rewards from there
-    steps: int  #: That were simulated
-    state: EnvSnapshot | None  #: Of the simulation; None where none runs
+    steps: int  #: simulated steps
+    state: EnvSnapshot | None  #: state of the simulation; None where none runs
 
 
 class Twin(Term):
@@ -284,16 +282,10 @@ def _description(env: WindTurbineEnv) -> tuple[str, str] | None:
     None where something is from outside of this package: it may do another thing tomorrow, or draw numbers.
     """
     controller, terms = env.operation.controller, env.reward_terms
-    parts: list[object] = [] if controller is None else [*parts_of(controller)]
-    if env.operation.make_simulator is not make_simulator or not all(map(_is_own, [*parts, *terms])):
-        return None
-    return _digest(controller), _digest(terms)
-
-
-def _is_own(part: object | RewardTerm) -> bool:
-    """Return True if an object is made by this package alone: a function as a reward is not."""
-    own = type(part).__module__.startswith(_OWN_MODULES)
-    return own and not hasattr(part, "function")
+    parts: list[object] = [*terms] if controller is None else [*parts_of(controller), *terms]
+    own = all(type(part).__module__.startswith(_OWN_MODULES) and not hasattr(part, "function") for part in parts)
+    known = own and env.operation.make_simulator is make_simulator
+    return (_digest(controller), _digest(terms)) if known else None
 
 
 def _digest(value: object) -> str:

@@ -310,8 +310,8 @@ class DrawnVariation:
     """
 
     values: Mapping[str, Any]
-    turbine: Turbine  #: That is simulated
-    noise_seed: int  #: Of the noise of the instruments
+    turbine: Turbine  #: simulated turbine
+    noise_seed: int  #: seed of the noise of the instruments
 
     @property
     def faults(self) -> tuple[SensorBias, ...]:

@@ -266,14 +266,14 @@ class WindOptions(Options):
 class WindFile:
     """A file of wind that was found whole."""
 
-    key: str  #: Its whole description, as JSON
+    key: str  #: whole description, as JSON
     turbine_size: tuple[float, float]  #: Hub height and rotor diameter of the turbine that it is for [m]
-    mean_speed: float  #: At the hub [m/s]
+    mean_speed: float  #: mean wind speed at the hub [m/s]
     hub_height: float  #: [m]
     description: str
     duration: float  #: Length of the record [s]
-    periodic: bool  #: Its end leads smoothly to its beginning
-    is_series: bool  #: It is the course of an event, which an episode meets from its beginning
+    periodic: bool  #: the end leads smoothly to the beginning
+    is_series: bool  #: course of an event, which an episode meets from the beginning
 
     @classmethod
     def found(
@@ -393,17 +393,6 @@ class WindSampler:
     less than twice the speed, for 600 s at that speed. Their samples make up for the straight lines between them
     (`wt_gym.wind.kaimal`), so that the spectrum at the hub is the standard's up to 1 Hz at every speed.
 
-    Attributes
-    ----------
-    parks : bool
-        The wind is one in which turbines are parked.
-    turbulent : bool
-        Some of the winds are turbulence made here.
-    speeds : (float, float)
-        Range of the mean speeds at hub height [m/s].
-    seeds : tuple of int or None
-        Turbulence seeds that episodes draw from: none in steady wind, unknown (None) with a user's inflow.
-
     Raises
     ------
     InflowError
@@ -424,10 +413,10 @@ class WindSampler:
         self._to_hub = self._share_at_hub(options.reference_height)
         self._class = self._box_class = options.turbulence_class or turbine.turbulence_class
         self._gusts = tuple(form for name in GUSTS if name in options.gusts for form in _FORMS[name])
-        self.turbulent = options.turbulent
+        self.turbulent = options.turbulent  # some of the winds are turbulence made here
         self._model = "ETM" if isinstance(kind, str) and kind == "gusts" else options.turbulence_model
-        self.parks = options.extreme
-        self.speeds: tuple[float, float]
+        self.parks = options.extreme  # the wind is one in which turbines are parked
+        self.speeds: tuple[float, float]  # range of the mean speeds at hub height [m/s]
         if self.parks:
             hub, gusty = turbine.hub_height, kind == "extreme-turbulent"
             speed = extreme_wind_speed(hub, hub, turbine.iec_class, options.return_period, gusty)
@@ -444,7 +433,7 @@ class WindSampler:
         else:
             means = [inflow.mean_speed for inflow in self._kind]
             self.speeds = (min(means), max(means))
-        self.seeds: tuple[int, ...] | None
+        self.seeds: tuple[int, ...] | None  # that episodes draw from: none in steady wind, unknown with a user's inflow
         self.seeds = (self._options.seeds if self.turbulent else ()) if isinstance(self._kind, str) else None
 
     @property

@@ -23,6 +23,7 @@ from wt_gym.envs.power import DiscWind, available_power
 from wt_gym.envs.record_store import user_record_digest
 from wt_gym.envs.running_record import time_scale
 from wt_gym.envs.terminations import IdleClock
+from wt_gym.envs.terms import Transition
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.simulation import Recorder
 from wt_gym.simulation.contract import fingerprint
@@ -224,7 +225,8 @@ def run_controller(
             dt, pitch=demand.pitch, yaw_rate=demand.yaw_rate, generator_torque=demand.generator_torque
         )
         recorder.append(signals)
-        idle.advance(signals, dt, inflow, controller, faults)
+        idle.advance(Transition(simulator.turbine, signals, signals, dt, inflow), controller, faults)
+
         recorder.attributes[IDLE_ATTRIBUTE] = idle.total
         if on_step is not None:
             on_step(signals)
