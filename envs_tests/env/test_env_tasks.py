@@ -261,7 +261,9 @@ def test_a_snapshot_holds_fade_and_washout():
 
 
 def test_only_residual_pitch_fades():
-    with pytest.raises(ValueError, match=r"residual_fade must be True, False, FadeParameters or a pitch .*, got 5\.0"):
+    with pytest.raises(
+        ValueError, match=r"residual_fade must be true or false, a number from 0.001 to 0.5 rad .*, got 5\.0"
+    ):
         WindTurbineEnv(action_mode="residual", residual_fade=5.0)
     for choice in ({"action_mode": "rate"}, {"action_mode": "residual", "action_components": ("torque",)}):
         with pytest.raises(ValueError, match="residual_share"):
