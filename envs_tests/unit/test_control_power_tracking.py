@@ -6,22 +6,21 @@ from functools import cache
 import numpy as np
 import pytest
 
+from envs_tests.unit.simple_rotor import SimpleRotor
 from wt_gym.control import Demand
 from wt_gym.control.bladed.records import new_swap, write_readings
 from wt_gym.control.bladed.rosco import _course, with_values
 from wt_gym.control.controllers import LidarFeedforward, WithDemandedPower, make_controller
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.power_tracking import WAYS
-from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import operating_point
-from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.power_reference import PowerReference
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import channel_table
 from wt_gym.turbines import load_turbine
 
 TURBINE = load_turbine("nrel_5mw")
-DRIVE, TABLE = TURBINE.drivetrain, rotor_table(TURBINE)
+DRIVE = TURBINE.drivetrain
 RATED_SPEED = DRIVE.rated_rotor_speed * DRIVE.gear_ratio
 DT = 0.1
 
@@ -31,20 +30,24 @@ def readings(generator_speed, demanded=None):
     return given if demanded is None else given | {"demanded_power": demanded}
 
 
+def spun(name, speed, wind, demanded, demand, seconds):
+    """Rotor speed [rad/s], pitch [rad] and electrical power [W] after each step, in a wind over the time."""
+    controller, rotor, gear = make_controller(name, TURBINE), SimpleRotor(TURBINE, speed), DRIVE.gear_ratio
+    controller.start(readings(speed * gear, demanded), demand)
+    for k in range(round(seconds / DT)):
+        demand = controller.step(readings(rotor.speed * gear, demanded), DT)
+        rotor.advance(DT, wind(k * DT), float(demand.pitch[0]), demand.generator_torque)
+        power = demand.generator_torque * rotor.speed * gear * DRIVE.generator_efficiency
+        yield rotor.speed, float(demand.pitch[0]), power
+
+
 @cache
-def settled(name, wind, demanded, seconds=400.0, speed=None):
-    """Rotor of blade elements in a steady wind: speed [rad/s, generator], pitch [rad], electrical power [W]."""
-    controller, inertia = make_controller(name, TURBINE), rotor_inertia(TURBINE)
+def settled(name, wind, demanded):
+    """Speed [rad/s, generator], pitch [rad] and electrical power [W] in a steady wind."""
     point = operating_point(TURBINE, wind)
-    rotor = point.rotor_speed if speed is None else speed
     demand = Demand(np.full(3, point.pitch), 0.0, point.generator_torque)
-    controller.start(readings(rotor * DRIVE.gear_ratio, demanded), demand)
-    for _ in range(round(seconds / DT)):
-        demand = controller.step(readings(rotor * DRIVE.gear_ratio, demanded), DT)
-        air = TABLE.torque(wind, rotor, float(demand.pitch[0]))
-        rotor += DT / inertia * (air - DRIVE.gear_ratio * demand.generator_torque / DRIVE.gearbox_efficiency)
-    power = demand.generator_torque * rotor * DRIVE.gear_ratio * DRIVE.generator_efficiency
-    return rotor * DRIVE.gear_ratio, float(demand.pitch[0]), power
+    *_, (speed, pitch, power) = spun(name, point.rotor_speed, lambda time: wind, demanded, demand, 400.0)
+    return speed * DRIVE.gear_ratio, pitch, power
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -87,19 +90,10 @@ def test_the_level_is_followed_where_nothing_is_read():
 
 def lull(name, demanded=4.2e6):
     """Energy missing [J] in a lull of 12 s in a wind that suffices otherwise, and speed at the end over rated."""
-    controller, inertia = make_controller(name, TURBINE), rotor_inertia(TURBINE)
-    rotor, missing = DRIVE.rated_rotor_speed, 0.0
-    demand = Demand(np.full(3, 0.1), 0.0, 3.5e4)
-    controller.start(readings(rotor * DRIVE.gear_ratio, demanded), demand)
-    for k in range(2400):
-        wind = 10.2 if 1500 <= k < 1620 else 13.0
-        demand = controller.step(readings(rotor * DRIVE.gear_ratio, demanded), DT)
-        air = TABLE.torque(wind, rotor, float(demand.pitch[0]))
-        rotor += DT / inertia * (air - DRIVE.gear_ratio * demand.generator_torque / DRIVE.gearbox_efficiency)
-        power = demand.generator_torque * rotor * DRIVE.gear_ratio * DRIVE.generator_efficiency
-        if k >= 1400:
-            missing += DT * max(demanded - power, 0.0)
-    return missing, rotor / DRIVE.rated_rotor_speed
+    demand, rated = Demand(np.full(3, 0.1), 0.0, 3.5e4), DRIVE.rated_rotor_speed
+    steps = spun(name, rated, lambda time: 10.2 if 150.0 <= time < 162.0 else 13.0, demanded, demand, 240.0)
+    speeds, _, power = np.array(list(steps)).T
+    return DT * np.maximum(demanded - power[1400:], 0.0).sum(), speeds[-1] / rated
 
 
 def test_the_rotor_as_a_store_carries_over_a_lull_and_recovers():

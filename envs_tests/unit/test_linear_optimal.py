@@ -427,21 +427,28 @@ NONE = np.zeros((6, 3, 12))
 """Responses of outputs that no offset moves."""
 
 
-def driven(controller, disturbances, responses, dt=DT, every=1, sign=1.0):
-    """Offsets (3, n) of a controller whose outputs are disturbances (6, n) and what its offsets do."""
+def driven(controller, disturbances, responses, dt=DT, every=1, sign=1.0, drawn=None):
+    """Offsets that act (3, n), disturbances that a controller finds (6, n), and what it shows before each step.
+
+    Outputs are disturbances (6, n) and what the offsets do; those ``drawn`` (3, n) are of an agent, as it is told.
+    """
     n = disturbances.shape[1]
-    acting, seen = np.zeros((3, n)), []
+    acting, found, shown = np.zeros((3, n)), [], []
     controller.start(signals_of(disturbances[:, 0], 0.0, sign))
     for k in range(n):
         y = disturbances[:, k] + respond(responses, acting)[:, k]
-        total = np.zeros(3)
         for part in range(every):
-            azimuth = (k + part / every) * DT * SPEED
-            controller.step(signals_of(y, azimuth, sign), dt, above_rated(0.15))
-            total += np.array(controller.offsets.acting) / every
-        acting[:, k] = total
-        seen.append(controller.disturbance.copy())
-    return acting, np.array(seen).T
+            signals = signals_of(y, (k + part / every) * DT * SPEED, sign) | {"pitch": np.full(3, 0.15)}
+            shown.append(controller.known(signals))
+            base = controller.step(signals, dt, above_rated(0.15))
+            acting[:, k] += np.array(controller.offsets.acting) / every
+        if drawn is not None:
+            ahead = signals["azimuth"] + signals["rotor_speed"] * pitch_delay(controller.offsets.drive, DT)
+            pitch = base.pitch + np.array(to_blades(drawn[:, k].tolist(), ahead, 3))
+            controller.see_demand(base, Demand(pitch, 0.0, base.generator_torque), signals, DT)
+            acting[:, k] += drawn[:, k]
+        found.append(controller.disturbance.copy())
+    return acting, np.array(found).T, np.array(shown)
 
 
 def drawn_disturbances(n=120):
@@ -451,27 +458,16 @@ def drawn_disturbances(n=120):
 
 
 def driven_with_an_agent(turbine, told=True, n=120):
-    """Disturbances, what the controller finds of them, and what it shows of the past at every step, beside an agent."""
+    """Controller, disturbances and those that it finds over their scale, what it shows, and what acts with an agent."""
     design = made_design(knots=(0.15,))
     responses = design.responses[0] * design.scale[:, None, None] * 0.1
     design = made_design(knots=(0.15,), responses=responses[None] / design.scale[:, None, None])
     controller, wanted = LinearOptimalPitch(turbine, design), drawn_disturbances(n)
     drawn = np.radians(1.0) * np.random.default_rng(9).uniform(-1.0, 1.0, (3, n))
-    acting, found, seen = np.zeros((3, n)), [], []
-    controller.start(signals_of(wanted[:, 0], 0.0))
-    for k in range(n):
-        signals = signals_of(wanted[:, k] + respond(responses, acting)[:, k], k * DT * SPEED) | {
-            "pitch": np.full(3, 0.15)
-        }
-        seen.append(controller.known(signals))
-        base = controller.step(signals, DT, above_rated(0.15))
-        ahead = signals["azimuth"] + signals["rotor_speed"] * pitch_delay(turbine.pitch, DT)
-        pitch = base.pitch + np.array(to_blades(drawn[:, k].tolist(), ahead, 3))
-        if told:
-            controller.see_demand(base, Demand(pitch, 0.0, base.generator_torque), signals, DT)
-        acting[:, k] = np.array(controller.offsets.acting) + drawn[:, k]
-        found.append(controller.disturbance / design.scale)
-    return controller, wanted / design.scale[:, None], np.array(found).T, np.array(seen), acting
+    if not told:
+        controller.see_demand = lambda *_: None
+    acting, found, shown = driven(controller, wanted, responses, drawn=drawn)
+    return controller, wanted / design.scale[:, None], found / design.scale[:, None], shown, acting
 
 
 def test_what_neither_the_model_nor_an_agent_explains_is_the_disturbance(turbine):
@@ -511,7 +507,7 @@ def test_an_agent_sees_how_the_model_fits(turbine):
 
 def test_offsets_are_the_filtered_past_times_the_gains(turbine):
     design, wanted = free_design(limit=3.0), drawn_disturbances()
-    acting, _ = driven(LinearOptimalPitch(turbine, design, gain=0.5), wanted, NONE)
+    acting, *_ = driven(LinearOptimalPitch(turbine, design, gain=0.5), wanted, NONE)
     scaled = wanted / design.scale[:, None]
     past = np.stack([without_lasting(row, tau, DT) for row, tau in zip(scaled, design.washout, strict=True)])
     padded = np.concatenate([np.repeat(past[:, :1], 8, axis=1), past], axis=1)
@@ -528,8 +524,8 @@ def test_designs_are_blended_by_the_slow_pitch(turbine):
 
 
 def test_a_finer_step_decides_as_often(turbine):
-    coarse, _ = driven(LinearOptimalPitch(turbine, free_design()), drawn_disturbances(), NONE)
-    fine, _ = driven(LinearOptimalPitch(turbine, free_design()), drawn_disturbances(), NONE, DT / 2, 2)
+    coarse, *_ = driven(LinearOptimalPitch(turbine, free_design()), drawn_disturbances(), NONE)
+    fine, *_ = driven(LinearOptimalPitch(turbine, free_design()), drawn_disturbances(), NONE, DT / 2, 2)
     np.testing.assert_allclose(fine, coarse, atol=1e-12)
 
 
@@ -538,8 +534,8 @@ def test_a_coarser_step_keeps_the_time(turbine):
     design, wanted = free_design(), drawn_disturbances(40)
     washed = design.washout > 0.0  # the low-pass of a held signal is the same only at the end of a step
     only = np.where(washed[:, None], wanted[:, :1], wanted)
-    fine, _ = driven(LinearOptimalPitch(turbine, design), np.repeat(only, 2, axis=1), NONE)
-    coarse, _ = driven(LinearOptimalPitch(turbine, design), only, NONE, 2 * DT)
+    fine, *_ = driven(LinearOptimalPitch(turbine, design), np.repeat(only, 2, axis=1), NONE)
+    coarse, *_ = driven(LinearOptimalPitch(turbine, design), only, NONE, 2 * DT)
     np.testing.assert_allclose(coarse, fine[:, ::2], atol=1e-12)
 
 

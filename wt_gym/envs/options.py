@@ -146,8 +146,11 @@ class ControllerOptions(Options):
         "a number is the pitch above fine pitch from which on it acts in full, in rad, a mapping has the arguments of "
         'FadeParameters. The share that acts can be observed as "residual_share". Other modes have none to fade',
         default=False,
+        unit="rad",
+        low=0.001,
+        high=0.5,
         kind="bool, float, FadeParameters or mapping",
-        allowed="a pitch from 0.001 to 0.5 rad",
+        kinds=(FadeParameters,),
     )
     residual_washout: float | None = option(
         "Time constant of a high-pass filter on the mean of the blades' residual pitch: lasting offsets of all blades "

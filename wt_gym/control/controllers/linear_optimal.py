@@ -181,36 +181,26 @@ class LinearDesign:
     not act there."""
 
     def __post_init__(self) -> None:
-        for name in _ARRAYS:
+        n, m = len(self.pitch), len(OUTPUTS)
+        shapes = {"pitch": (n,), "responses": (n, m, 3, -1), "gains": (n, 3, m, -1), "scale": (m,), "washout": (m,)}
+        for name, shape in shapes.items():
             array = np.array(getattr(self, name), dtype=np.float64)
-            if not np.isfinite(array).all():
-                raise ControllerError(f"{name} of a linear design must be finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        n, m = self.pitch.size, len(OUTPUTS)
-        wanted = {"pitch": (n,), "responses": (n, m, 3, -1), "gains": (n, 3, m, -1), "scale": (m,), "washout": (m,)}
-        for name, shape in wanted.items():
-            given = getattr(self, name).shape
-            fits = len(given) == len(shape) and all(w in (g, -1) and g > 0 for g, w in zip(given, shape, strict=True))
-            if not fits:
-                shown = ", ".join("any" if w == -1 else str(w) for w in shape)
-                raise ControllerError(f"{name} of a linear design must have shape ({shown}), got {given}")
-        if not (np.diff(self.pitch) > 0.0).all():
-            raise ControllerError(f"pitch of a linear design must rise, got {self.pitch.tolist()}")
-        if not ((self.scale > 0.0).all() and (self.washout >= 0.0).all()):
-            raise ControllerError("scales of a linear design must be positive, washouts not negative")
-        for name in _NUMBERS:
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ControllerError(
-                    f"{name} of a linear design must be finite and positive, got {getattr(self, name)!r}"
-                )
-
-        if self.fine_speed is not None:
-            low, high = self.fine_speed
-            if not 0.0 < low < high < math.inf:
-                raise ControllerError(
-                    f"fine_speed of a linear design must be two rising positive numbers, got {self.fine_speed!r}"
-                )
+            pairs = zip(array.shape, shape, strict=False)
+            if array.ndim != len(shape) or not all(own > 0 and wanted in (own, -1) for own, wanted in pairs):
+                shown = ", ".join("any" if wanted == -1 else str(wanted) for wanted in shape)
+                raise ControllerError(f"{name} of a linear design must have shape ({shown}), got {array.shape}")
+        rules = {name: ("be finite", np.isfinite(getattr(self, name)).all()) for name in ("responses", "gains")}
+        rules["pitch"] = "be finite and rise", np.isfinite(self.pitch).all() and (np.diff(self.pitch) > 0.0).all()
+        rules["scale"] = "be finite and positive", ((self.scale > 0.0) & (self.scale < math.inf)).all()
+        rules["washout"] = "be finite and not negative", ((self.washout >= 0.0) & (self.washout < math.inf)).all()
+        rules |= {name: ("be finite and positive", 0.0 < getattr(self, name) < math.inf) for name in _NUMBERS}
+        low, high = self.fine_speed or (0.5, 1.0)
+        rules["fine_speed"] = "be two rising positive numbers", 0.0 < low < high < math.inf
+        for name, (rule, holds) in rules.items():
+            if not holds:
+                raise ControllerError(f"{name} of a linear design must {rule}, got {getattr(self, name)!r}")
 
     @property
     def fading(self) -> FadeParameters:

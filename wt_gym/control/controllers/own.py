@@ -52,7 +52,7 @@ def _own(meaning: str, unit: str, name: str, row: str = "", **more: Any) -> Any:
             return float(getattr(made.gain_table, row)[0]) if row else None
         return float(attrgetter(name)(made))
 
-    limits = {"low": 0.0, "in_use": in_use} | more
+    limits: dict[str, Any] = {"low": 0.0, "in_use": in_use} | more
     return option(meaning, default=None, unit=unit, otherwise="the turbine's own", **limits)
 
 
