@@ -381,7 +381,7 @@ def test_numbers_of_numpy_are_taken():
 
 @pytest.mark.parametrize("thinning", [{"sparse_stride": 8}, {"sparse_span": 2}])
 def test_refused_thinning_that_begins_nowhere(thinning):
-    with pytest.raises(AerodynamicsError, match=r"sparse_stride is \d and sparse_span \d with sparse_from=None"):
+    with pytest.raises(AerodynamicsError, match="sparse_stride and sparse_span must be 1 with sparse_from=None"):
         AeroOptions(**thinning)
 
 

@@ -144,13 +144,9 @@ def test_a_snapshot_with_a_stretched_quaternion_is_refused():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"tower_modes": (2, 2)}, "three whole counts"),
-        ({"corrections": 1.5}, "a whole number"),
+        ({"tower_modes": (0, 0, 0)}, "tower_modes must have at least one mode"),
         ({"integrator": "rk45"}, "must be one of hamming, newmark, generalized_alpha"),
         ({"blade_bodies": 8}, "blade_bodies is 8 with .* an implicit integrator"),
-        ({"tower_body": (8, 2)}, "tower_body is .* at least 3"),
-        ({"nacelle_body": (4, 8)}, "nacelle_body is .* at least 5"),
-        ({"nacelle_body": (8, 8, 8)}, "must be None or two counts"),
         ({"tower_shapes": ELASTODYN_NREL_5MW_TOWER, "tower_modes": (3, 2, 0)}, r"holds \(2, 2\) shapes"),
         ({"tower_shapes": ELASTODYN_NREL_5MW_TOWER, "tower_coordinates": "nodal"}, "needs modal coordinates"),
     ],
