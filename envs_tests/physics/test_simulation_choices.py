@@ -119,6 +119,7 @@ def test_a_snapshot_with_a_stretched_quaternion_is_refused():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"tower_modes": (0, 0, 0)}, "tower_modes must have at least one mode"),
         ({"integrator": "rk45"}, "must be one of hamming, newmark, generalized_alpha"),
         ({"blade_bodies": 8}, "blade_bodies is 8 with .* an implicit integrator"),
         ({"blade_bodies": 4, "integrator": "newmark", "blade_coordinates": "rigid"}, "must have 'modal' or 'nodal'"),

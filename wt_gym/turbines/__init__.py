@@ -5,11 +5,9 @@
 """
 
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation
-from wt_gym.turbines.blade import BladeIce
+from wt_gym.turbines.blade import BeamStations, Blade, BladeIce
 from wt_gym.turbines.catalogue import catalogue, load_turbine
 from wt_gym.turbines.model import (
-    BeamStations,
-    Blade,
     ControlData,
     Drivetrain,
     Hub,

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from wt_gym.turbines.blade import Blade
 from wt_gym.turbines.checks import check_number, fail
-from wt_gym.turbines.model import Blade, ControlData, Drivetrain, Hub, Nacelle, PitchSystem, Turbine
+from wt_gym.turbines.model import ControlData, Drivetrain, Hub, Nacelle, PitchSystem, Turbine
 from wt_gym.turbines.openfast_blade import STRUCTURES, read_openfast_blade, read_openfast_tower
 from wt_gym.turbines.openfast_control import Rating, read_openfast_control, read_rating
-from wt_gym.turbines.openfast_text import Model, TextFile
+from wt_gym.turbines.openfast_text import Model, TextFile, as_number
 from wt_gym.turbines.windio_machine import yaw_actuator
 
 CUT_IN, CUT_OUT = 3.0, 25.0
@@ -85,7 +86,9 @@ def read_openfast(
     body = read_openfast_blade(model, blade, length, hub.radius, rating.rotor_speed)
     tower = read_openfast_tower(model)
     nacelle = _nacelle(model, body, hub)
-    density = _density(model)
+    # before OpenFAST 3 the density of the air stood in AeroDyn's file only
+    file = model.primary if model.aerodyn.is_default("AirDens") else model.aerodyn
+    density = check_number(f"{file.path.name}: AirDens", file.number("AirDens"), 0.1, 10.0)
     tip = hub.radius + length
     radius = tip * float(np.cos(hub.cone))
     drivetrain = _drivetrain(model, gearbox, rating)
@@ -123,12 +126,6 @@ def read_openfast(
         control=control,
         rotation=rotation,
     )
-
-
-def _density(model: Model) -> float:
-    """Return the density of the air; before OpenFAST 3 it stood in AeroDyn's file only."""
-    file = model.primary if model.aerodyn.is_default("AirDens") else model.aerodyn
-    return check_number(f"{file.path.name}: AirDens", file.number("AirDens"), 0.1, 10.0)
 
 
 def _rated_wind(
@@ -457,8 +454,9 @@ def _comparison(module: str, reader: Any, read: Callable[[], None], file: TextFi
     for key, value in reader.fst_vt[module].items():
         if not isinstance(value, (bool, int, float)) or key not in file:
             continue
-        expected = _number_or_flag(file, key)
-        if expected is None:
+        word = file.text(key)
+        flags = {"true": 1.0, "t": 1.0, "false": 0.0, "f": 0.0}
+        if (expected := flags.get(word.lower(), as_number(word))) is None:
             continue
         if abs(float(value) - expected) <= _ROUNDING * max(abs(expected), 1.0):
             same += 1
@@ -467,14 +465,3 @@ def _comparison(module: str, reader: Any, read: Callable[[], None], file: TextFi
     shown = [*other[:_SHOWN], *(["..."] if len(other) > _SHOWN else [])]
     differ = f"; {len(other)} differ: {', '.join(shown)}" if other else ""
     return f"openfast_io, {module} ({file.path.name}): {same} numbers agree{differ}{stop}"
-
-
-def _number_or_flag(file: TextFile, key: str) -> float | None:
-    """Return the number or flag beside a keyword, None for a word."""
-    word = file.text(key)
-    if word.lower() in ("true", "t", "false", "f"):
-        return float(word.lower().startswith("t"))
-    try:
-        return float(word)
-    except ValueError:
-        return None

@@ -31,9 +31,8 @@ from wt_gym.turbines.airfoil import (
     driving_drag,
     suction_first,
 )
-from wt_gym.turbines.blade import BeamStations, inertia_matrix, turned
+from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, turned
 from wt_gym.turbines.checks import check_array, check_number, fail
-from wt_gym.turbines.model import Blade
 from wt_gym.turbines.windio_file import Node, within
 
 if TYPE_CHECKING:

@@ -20,8 +20,9 @@ import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.types import Array
+from wt_gym.turbines.blade import Blade
 from wt_gym.turbines.checks import fail
-from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
+from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, PitchSystem
 from wt_gym.turbines.variants import rotor_inertia_without_generator
 from wt_gym.turbines.windio_file import Node, within
 

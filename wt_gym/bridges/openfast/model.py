@@ -46,6 +46,7 @@ _STIFFEST_SHAFT = 8.0
 _POLAR_ROWS = 200
 """AeroDyn's tables may be longer; beyond it they are thinned where they are straight."""
 _NO_FILE = "unused"
+_NO_OUTPUTS = ("              OutList     - outputs", "END of OutList", "-" * 80)
 
 
 def time_step_of(turbine: Turbine) -> float:
@@ -192,9 +193,7 @@ def _write_elastodyn(turbine: Turbine, folder: Path) -> None:
         "---------------------- OUTPUT",
         ("SumPrint", False), ("OutFile", 1), ("TabDelim", True), ("OutFmt", "ES10.3E2"), ("TStart", 0.0),
         ("DecFact", 1), ("NTwGages", 0), ("TwrGagNd", 0), ("NBlGages", 0), ("BldGagNd", 0),
-        "              OutList     - outputs",
-        "END of OutList",
-        "-" * 80,
+        *_NO_OUTPUTS,
     ])  # fmt: skip
 
 
@@ -294,9 +293,7 @@ def _write_aerodyn(turbine: Turbine, folder: Path) -> None:
         ],
         "======  Outputs",
         ("SumPrint", False), ("NBlOuts", 0), ("BlOutNd", 1), ("NTwOuts", 0), ("TwOutNd", 1),
-        "              OutList     - outputs",
-        "END of OutList",
-        "-" * 80,
+        *_NO_OUTPUTS,
     ]  # fmt: skip
     write_lines(folder / "aerodyn.dat", "AERODYN INPUT FILE", rows)
 
@@ -394,9 +391,7 @@ def _write_servodyn(turbine: Turbine, folder: Path) -> None:
         "(rpm)        (Nm)",
         "---------------------- OUTPUT",
         ("SumPrint", False), ("OutFile", 1), ("TabDelim", True), ("OutFmt", "ES10.3E2"), ("TStart", 0.0),
-        "              OutList     - outputs",
-        "END of OutList",
-        "-" * 80,
+        *_NO_OUTPUTS,
     ])  # fmt: skip
 
 
@@ -435,9 +430,7 @@ def write_inflow(path: Path, changes: Mapping[str, object]) -> None:
         ("MeasurementInterval", 0.25), ("LidRadialVel", False), ("ConsiderHubMotion", 0),
         "====================== OUTPUT",
         ("SumPrint", False),
-        "              OutList     - outputs",
-        "END of OutList",
-        "-" * 80,
+        *_NO_OUTPUTS,
     ]  # fmt: skip
     known = {row[0] for row in rows if not isinstance(row, str)}
     if unknown := set(changes) - known:
