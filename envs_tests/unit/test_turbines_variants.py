@@ -9,8 +9,6 @@ from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.control.controllers.additions import SideSideDamper
 from wt_gym.control.rotor import rotor_table
 from wt_gym.simulation.contract import fingerprint
-from wt_gym.simulation.step.coupling_kernels import signed_clearance, view_from_tower
-from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import clockwise_image, mirrored, unloaded_clearance
 from wt_gym.turbines.windio_writer import require_same, write_windio
@@ -99,18 +97,3 @@ def test_clearance_of_a_blade_with_prebend_by_hand():
     10 - 0.074 (3.5624 / 13) = 9.97972 m. Without the prebend it would be 3.94 m less.
     """
     assert unloaded_clearance(load_turbine("iea_15mw")) == pytest.approx(36.97675 - 0.5 * 9.97972, abs=2e-4)
-
-
-@pytest.mark.parametrize("name", ["nrel_5mw", "iea_15mw", "iea_22mw", "nrel_5mw_monopile"])
-def test_clearance_of_the_same_tip_as_the_simulator_measures_it(name):
-    """By matrices: tilt, half a turn, cone; then the kernel that gives the channel ``tip_clearance``."""
-    turbine = load_turbine(name)
-    nacelle, tower, blade = turbine.nacelle, turbine.tower, turbine.blade
-    tilt, base, top = rotation_y(nacelle.tilt), np.array([0.0, 0.0, tower.base_height]), np.array([0, 0, tower.height])
-    apex = top + [0.0, 0.0, nacelle.tower_top_to_shaft] + tilt @ [-nacelle.overhang, 0.0, 0.0]
-    place = blade.axis_at(blade.length) + np.array([0.0, 0.0, blade.root_radius])
-    tip = apex + tilt @ rotation_x(np.pi) @ rotation_y(-turbine.hub.cone) @ place
-    view = np.zeros(4)
-    stations, radii = tower.diameter_station, 0.5 * tower.diameter
-    view_from_tower(tip, base, top.astype(float), np.array([1.0, 0.0, 0.0]), stations, radii, view)
-    assert unloaded_clearance(turbine) == pytest.approx(signed_clearance(view), abs=1e-9)

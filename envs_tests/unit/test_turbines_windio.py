@@ -32,74 +32,77 @@ def beam(**entries):
     }
 
 
+def tree(entries: dict) -> dict:
+    """Nested mappings of values by dotted paths."""
+    data: dict = {}
+    for path, value in entries.items():
+        node, (*parents, key) = data, path.split(".")
+        for name in parents:
+            node = node.setdefault(name, {})
+        node[key] = value
+    return data
+
+
 def small_turbine() -> dict:
     """A made-up 40 m blade of constant section on an 80 m tower, in as few numbers as windIO allows."""
     angle = np.linspace(0.0, 2.0 * np.pi, 21)
-    x, y = 0.5 + 0.5 * np.cos(angle), 0.1 * np.sin(angle)
-    polar = {"grid": [-180.0, -90.0, 0.0, 90.0, 180.0], "values": [0.0, -1.0, 0.0, 1.0, 0.0]}
-    drag = {"grid": [-180.0, 180.0], "values": [0.1, 0.1]}
-    zero = {"grid": [-180.0, 180.0], "values": [0.0, 0.0]}
-    axis = {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, LENGTH)}
-    return {
-        "name": "small",
-        "windIO_version": "2.1",
-        "assembly": {"rotor_orientation": "upwind", "number_of_blades": 3, "rated_power": 1.0e6, "hub_height": 82.0},
-        "control": {"rated_rotor_speed": 18.0, "max_pitch_rate": 8.0, "optimal_tsr": 7.0},
-        "airfoils": [
-            {
-                "name": "ellipse",
-                "rthick": 0.2,
-                "coordinates": {"x": list(np.abs(x)), "y": list(y)},
-                "polars": [{"configuration": "default", "re_sets": [{"re": 1e6, "cl": polar, "cd": drag, "cm": zero}]}],
-            }
-        ],
-        "materials": [{"name": "steel", "orth": 0, "rho": 7850.0, "E": 2.1e11, "nu": 0.3}],
-        "components": {
-            "blade": {
-                "reference_axis": axis,
-                "outer_shape": {
-                    "chord": table(2.0, 2.0),
-                    "twist": table(30.0, 30.0),
-                    "section_offset_y": table(0.6, 0.6),
-                    "rthick": table(0.2, 0.2),
-                    "airfoils": [{"name": "ellipse", "spanwise_position": 0.0}],
-                },
-                "structure": {
-                    "anchors": [],
-                    "layers": [],
-                    "elastic_properties": beam(
-                        K33=1e9, K44=8e8, K55=2e8, K66=1e8, mass=200.0, cm_y=0.3, i_edge=60.0, i_flap=10.0
-                    ),
-                },
+    x, y = np.abs(0.5 + 0.5 * np.cos(angle)), 0.1 * np.sin(angle)
+    lift = {"grid": [-180.0, -90.0, 0.0, 90.0, 180.0], "values": [0.0, -1.0, 0.0, 1.0, 0.0]}
+    drag, zero = ({"grid": [-180.0, 180.0], "values": [value] * 2} for value in (0.1, 0.0))
+    section = beam(K33=1e9, K44=8e8, K55=2e8, K66=1e8, mass=200.0, cm_y=0.3, i_edge=60.0, i_flap=10.0)
+    blade, tower, train = "components.blade.", "components.tower.", "components.drivetrain."
+    return tree(
+        {
+            "name": "small",
+            "windIO_version": "2.1",
+            "assembly": {
+                "rotor_orientation": "upwind",
+                "number_of_blades": 3,
+                "rated_power": 1.0e6,
+                "hub_height": 82.0,
             },
-            "hub": {
-                "diameter": 2.0,
-                "cone_angle": 0.0,
-                "cd": 0.5,
-                "elastic_properties": {"mass": 1e4, "inertia": [1e4] * 3 + [0.0] * 3, "location": [0.0] * 3},
+            "control": {"rated_rotor_speed": 18.0, "max_pitch_rate": 8.0, "optimal_tsr": 7.0},
+            "airfoils": [
+                tree(
+                    {
+                        "name": "ellipse",
+                        "rthick": 0.2,
+                        "coordinates": {"x": list(x), "y": list(y)},
+                        "polars": [
+                            {"configuration": "default", "re_sets": [{"re": 1e6, "cl": lift, "cd": drag, "cm": zero}]}
+                        ],
+                    }
+                )
+            ],
+            "materials": [{"name": "steel", "orth": 0, "rho": 7850.0, "E": 2.1e11, "nu": 0.3}],
+            blade + "reference_axis": {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, LENGTH)},
+            blade + "outer_shape.chord": table(2.0, 2.0),
+            blade + "outer_shape.twist": table(30.0, 30.0),
+            blade + "outer_shape.section_offset_y": table(0.6, 0.6),
+            blade + "outer_shape.rthick": table(0.2, 0.2),
+            blade + "outer_shape.airfoils": [{"name": "ellipse", "spanwise_position": 0.0}],
+            blade + "structure": {"anchors": [], "layers": [], "elastic_properties": section},
+            "components.hub": {"diameter": 2.0, "cone_angle": 0.0, "cd": 0.5},
+            "components.hub.elastic_properties": {
+                "mass": 1e4,
+                "inertia": [1e4] * 3 + [0.0] * 3,
+                "location": [0.0] * 3,
             },
-            "drivetrain": {
-                "outer_shape": {"uptilt": 0.0, "distance_tt_hub": 2.0, "overhang": 4.0},
-                "gearbox": {
-                    "gear_ratio": 80.0,
-                    "efficiency": 1.0,
-                    "elastic_properties": {"torsional_stiffness": 1e8, "torsional_damping": 1e6},
-                },
-                "generator": {
-                    "elastic_properties": {"mass": 0.0, "inertia": [60.0] + [0.0] * 5, "location": [0.0] * 3}
-                },
-                "elastic_properties": {"mass": 5e4, "inertia": [1e5, 2e5, 2e5], "location": [0.5, 0.0, 1.5]},
+            train + "outer_shape": {"uptilt": 0.0, "distance_tt_hub": 2.0, "overhang": 4.0},
+            train + "gearbox": {"gear_ratio": 80.0, "efficiency": 1.0},
+            train + "gearbox.elastic_properties": {"torsional_stiffness": 1e8, "torsional_damping": 1e6},
+            train + "generator.elastic_properties": {
+                "mass": 0.0,
+                "inertia": [60.0] + [0.0] * 5,
+                "location": [0.0] * 3,
             },
-            "tower": {
-                "reference_axis": {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, 80.0)},
-                "outer_shape": {"outer_diameter": table(4.0, 3.0), "cd": table(0.7, 0.7)},
-                "structure": {
-                    "outfitting_factor": 1.1,
-                    "layers": [{"name": "wall", "material": "steel", "thickness": table(0.03, 0.02)}],
-                },
-            },
-        },
-    }
+            train + "elastic_properties": {"mass": 5e4, "inertia": [1e5, 2e5, 2e5], "location": [0.5, 0.0, 1.5]},
+            tower + "reference_axis": {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, 80.0)},
+            tower + "outer_shape": {"outer_diameter": table(4.0, 3.0), "cd": table(0.7, 0.7)},
+            tower + "structure.outfitting_factor": 1.1,
+            tower + "structure.layers": [{"name": "wall", "material": "steel", "thickness": table(0.03, 0.02)}],
+        }
+    )
 
 
 def save(data: dict, tmp_path):

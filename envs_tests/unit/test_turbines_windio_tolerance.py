@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from test_turbines_windio import at, save, small_turbine, table
+from test_turbines_windio import at, save, small_turbine, table, tree
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import load_turbine
@@ -45,64 +45,50 @@ def version_1() -> dict:
     inertia[0] = inertia[6] = inertia[11] = mass
     inertia[5], inertia[12] = -mass * cm_y, mass * cm_y
     inertia[15], inertia[18], inertia[20] = edge, flap, edge + flap
-    data["components"] = {
-        "blade": {
-            "outer_shape_bem": {
-                "reference_axis": blade["reference_axis"],
-                "chord": table(2.0, 2.0),
-                "twist": twist,
-                "pitch_axis": table(0.3, 0.3),
-                "airfoil_position": {"grid": [0.0, 1.0], "labels": ["ellipse", "ellipse"]},
+    old, six, nacelle = "blade.outer_shape_bem.", "blade.elastic_properties_mb.six_x_six.", "nacelle.drivetrain."
+    axis, tower_axis = blade["reference_axis"], tower["reference_axis"]
+    data["components"] = tree(
+        {
+            old + "reference_axis": axis,
+            old + "chord": table(2.0, 2.0),
+            old + "twist": twist,
+            old + "pitch_axis": table(0.3, 0.3),
+            old + "airfoil_position": {"grid": [0.0, 1.0], "labels": ["ellipse", "ellipse"]},
+            "blade.internal_structure_2d_fem": {"reference_axis": {}, "webs": [], "layers": ["not", "read"]},
+            six + "reference_axis": axis,
+            six + "twist": twist,
+            six + "stiff_matrix": {"grid": [0.0, 1.0], "values": [stiffness] * 2},
+            six + "inertia_matrix": {"grid": [0.0, 1.0], "values": [inertia] * 2},
+            "hub": {"diameter": 2.0, "cone_angle": 2.0 * DEGREE, "drag_coefficient": 0.5},
+            "hub.elastic_properties_mb": {
+                "system_mass": 1e4,
+                "system_inertia": [1e4] * 3,
+                "system_center_mass": [0.0] * 3,
             },
-            "internal_structure_2d_fem": {"reference_axis": {}, "webs": [], "layers": ["not", "read"]},
-            "elastic_properties_mb": {
-                "six_x_six": {
-                    "reference_axis": blade["reference_axis"],
-                    "twist": twist,
-                    "stiff_matrix": {"grid": [0.0, 1.0], "values": [stiffness] * 2},
-                    "inertia_matrix": {"grid": [0.0, 1.0], "values": [inertia] * 2},
-                }
+            "nacelle.drivetrain": {"uptilt": 5.0 * DEGREE, "distance_tt_hub": 2.0, "overhang": 4.0},
+            nacelle + "gear_ratio": 80.0,
+            nacelle + "gearbox_efficiency": 0.97,
+            nacelle + "distance_hub_mb": 1.5,
+            nacelle + "distance_mb_mb": 0.5,
+            nacelle + "lss_diameter": [0.6, 0.6],
+            nacelle + "lss_wall_thickness": [0.1, 0.1],
+            nacelle + "lss_material": "steel",
+            nacelle + "damping_ratio": 0.01,
+            nacelle + "generator_rpm_efficiency_user": {"grid": [0.0, 20.0], "values": [0.94, 0.94]},
+            nacelle + "elastic_properties_mb": {
+                "system_mass": 5e4,
+                "yaw_mass": 2e3,
+                "system_inertia": [1e5, 2e5, 2e5],
+                "system_center_mass": [0.5, 0.0, 1.5],
             },
-        },
-        "hub": {
-            "diameter": 2.0,
-            "cone_angle": 2.0 * DEGREE,
-            "drag_coefficient": 0.5,
-            "elastic_properties_mb": {"system_mass": 1e4, "system_inertia": [1e4] * 3, "system_center_mass": [0.0] * 3},
-        },
-        "nacelle": {
-            "drivetrain": {
-                "uptilt": 5.0 * DEGREE,
-                "distance_tt_hub": 2.0,
-                "overhang": 4.0,
-                "gear_ratio": 80.0,
-                "gearbox_efficiency": 0.97,
-                "distance_hub_mb": 1.5,
-                "distance_mb_mb": 0.5,
-                "lss_diameter": [0.6, 0.6],
-                "lss_wall_thickness": [0.1, 0.1],
-                "lss_material": "steel",
-                "damping_ratio": 0.01,
-                "generator_rpm_efficiency_user": {"grid": [0.0, 20.0], "values": [0.94, 0.94]},
-                "elastic_properties_mb": {
-                    "system_mass": 5e4,
-                    "yaw_mass": 2e3,
-                    "system_inertia": [1e5, 2e5, 2e5],
-                    "system_center_mass": [0.5, 0.0, 1.5],
-                },
-            },
-            "generator": {"B_r": 1.2, "rho_Fe": 7700.0},
-        },
-        "tower": {
-            "outer_shape_bem": {
-                "reference_axis": tower["reference_axis"],
-                "outer_diameter": tower["outer_shape"]["outer_diameter"],
-                "drag_coefficient": tower["outer_shape"]["cd"],
-            },
-            "internal_structure_2d_fem": tower["structure"] | {"reference_axis": tower["reference_axis"]},
-        },
-        "foundation": {"height": 0.0},
-    }
+            "nacelle.generator": {"B_r": 1.2, "rho_Fe": 7700.0},
+            "tower.outer_shape_bem.reference_axis": tower_axis,
+            "tower.outer_shape_bem.outer_diameter": tower["outer_shape"]["outer_diameter"],
+            "tower.outer_shape_bem.drag_coefficient": tower["outer_shape"]["cd"],
+            "tower.internal_structure_2d_fem": tower["structure"] | {"reference_axis": tower_axis},
+            "foundation.height": 0.0,
+        }
+    )
     data["control"] = wisdem_control(DEGREE, np.pi / 30.0)
     return data
 

@@ -274,7 +274,7 @@ def make_ceiling(
     turbine, speeds = load_turbine(environment["turbine"]), tuple(sorted({wind.speed for wind in task.winds}))
     design_task = LinearDesignTask(
         speeds=speeds, seeds=options.seeds, excited=len(options.seeds), duration=options.recorded, base=options.base,
-        limit=options.oracle.limit, rate_limit=options.oracle.rate_limit, fidelity=environment["fidelity"],
+        limit=options.oracle.limit, rate_limit=options.oracle.rate_limit, fade=0.0, fidelity=environment["fidelity"],
     )  # fmt: skip
     runs = _Runs(played, options, folder)
     fingerprint = task_fingerprint(task)

@@ -41,16 +41,10 @@ class AeroOptions(Options):
     n_chord: int = option("panels along the chord of one blade", default=2, low=1)
     n_span: int = option("panels along the span of one blade", default=18, low=1)
     narrow_strips: str = option(
-        'where the strips of a blade are narrower, "tip" for few of them, see `planform.span_distribution`',
-        default="ends",
-        choices=("ends", "tip"),
+        "where strips are narrower, see `planform.span_distribution`", default="ends", choices=("ends", "tip")
     )
     azimuth_step_deg: float = option(
-        "recommended turn in one step; the solver itself takes any",
-        default=8.0,
-        unit="deg",
-        low=0,
-        above=True,
+        "recommended turn a step; any is taken", default=8.0, unit="deg", low=0, above=True
     )
     wake_rows: int = option("most rows of wake rings that are kept; older rows are dropped", default=135, low=1)
     trailing_edge_wake: bool = option(
@@ -141,17 +135,10 @@ class AeroOptions(Options):
         above=True,
     )
     induction: str = option(
-        '"tree": far clusters of segments by their moments, for wakes of more than some 10 000 segments',
-        default="direct",
-        choices=("direct", "tree"),
+        '"tree": moments of far clusters, from 10 000 segments on', default="direct", choices=("direct", "tree")
     )
     tree_tolerance: float = option(
-        "rms error of the tree code over the mean velocity",
-        default=1e-3,
-        low=0,
-        high=0.1,
-        above=True,
-        below=True,
+        "rms error over the mean velocity", default=1e-3, low=0, high=0.1, above=True, below=True
     )
     ground_height: float | None = option(
         "of a flat ground that mirrors wake and blades", default=None, unit="m", otherwise="no ground", low=0

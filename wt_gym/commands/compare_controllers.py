@@ -94,4 +94,4 @@ def run(arguments: argparse.Namespace) -> None:
         if any(run.done for run in runs):
             show(runs, arguments.json)
             if arguments.report:
-                write_report(runs, turbine.title, arguments)
+                write_report(runs, turbine.heading, arguments)

@@ -114,7 +114,7 @@ def control_summary(control: ControlData) -> list[tuple[str, str]]:
 
 def show(turbine: Turbine) -> None:
     """Print what was read, and what was assumed and left aside."""
-    print(turbine.title)
+    print(turbine.heading)
     for name, value, unit in summary(turbine):
         print(f"  {name:36}{value:14.6g} {unit}".rstrip())
     if turbine.control is not None:

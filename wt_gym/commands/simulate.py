@@ -225,7 +225,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         else:
             means_of[number] = inflow_of(arguments, turbine, wind).mean_speed
     rows = []
-    print(f"{turbine.title}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
+    print(f"{turbine.heading}, {arguments.fidelity} fidelity, {arguments.duration:g} s under the baseline controller")
     print("  ".join(f"{title:>{width}}" for _, title, _, width, _ in COLUMNS) + "   x real time")
     print("  ".join(f"{unit:>{width}}" for _, _, unit, width, _ in COLUMNS))
     for number, speed in enumerate(_winds(arguments)):
@@ -241,4 +241,4 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
             print(sentence, flush=True)
         if arguments.out:
             print(f"signals: {file_of(arguments, speed)}", flush=True)
-    return {"turbine": turbine.title, "fidelity": arguments.fidelity, "points": rows}
+    return {"turbine": turbine.heading, "fidelity": arguments.fidelity, "points": rows}

@@ -89,8 +89,6 @@ class ActionMap:
 
     Parameters
     ----------
-    turbine : Turbine
-        Its pitch system, drivetrain and nacelle set the limits.
     control_dt : float
         Control step [s].
     mode : {"rate", "absolute", "residual"}
@@ -112,17 +110,11 @@ class ActionMap:
 
     Attributes
     ----------
-    names : tuple of str
-    units : tuple of str
     low, high : numpy.ndarray, shape (n,)
         Physical value of an action component at -1 and +1.
-    size : int
     parity : numpy.ndarray, shape (n,)
         +1 or -1: sign with which each component goes into that of the mirror image, in which the rotor turns the other
         way. Only yaw changes it: pitch in the fixed frame is that of the azimuth in the sense of rotation.
-    components : tuple of str
-    has_yaw : bool
-        Whether there is a yaw component.
     takes_torque : bool
         Whether the generator takes a demand; the demand for a damper is 0.
     spans : dict

@@ -367,10 +367,6 @@ def design_point(turbine: Turbine) -> DesignPoint:
     """Design point of a turbine: published numbers where its data have them, else by the rules of this module.
 
     The rules hold for the air for which the turbine's controller is designed.
-
-    Returns
-    -------
-    DesignPoint
     """
     turbine = at_controller_density(turbine)
     rotor, fine = rotor_of(turbine), fine_pitch(turbine)

@@ -230,19 +230,8 @@ class Lidar:
     above the ground, where the inflows have values too that mean nothing: ``range * tan(half_angle)`` should be less
     than the hub height.
 
-    Parameters
-    ----------
-    ranges : tuple of float
-        Distances ahead of the tower axis, along the axis of the cone [m].
-    half_angle : float
-        Of the cone [rad].
-    n_beams : int
-        Evenly spaced, the first one upward.
-    frozen : bool
-        True: turbulence arrives as it is seen (Taylor's hypothesis).
-    apart : bool
-        True: a reading for each range and beam. Beams count in the sense in which the rotor turns, as the azimuth does:
-        of four beams on a rotor that turns clockwise the second one looks to the right, seen looking downwind.
+    Beams count in the sense in which the rotor turns, as the azimuth does: of four beams on a clockwise rotor
+    the second one looks to the right, seen looking downwind.
 
     Raises
     ------
@@ -251,11 +240,11 @@ class Lidar:
         lie on the axis.
     """
 
-    ranges: tuple[float, ...]
-    half_angle: float = math.radians(15.0)
-    n_beams: int = 4
-    frozen: bool = False
-    apart: bool = False
+    ranges: tuple[float, ...]  #: distances ahead of the tower axis, along the axis of the cone [m]
+    half_angle: float = math.radians(15.0)  #: of the cone [rad]
+    n_beams: int = 4  #: evenly spaced, the first one upward
+    frozen: bool = False  #: True: turbulence arrives as it is seen (Taylor's hypothesis)
+    apart: bool = False  #: True: a reading for each range and beam
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", tuple(map(float, self.ranges)))

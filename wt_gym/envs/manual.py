@@ -296,7 +296,7 @@ def _task(env: Any, spec: EnvSpec | None) -> str:
 def _turbine(env: Any) -> str:
     turbine = env.turbine
     return (
-        f"{turbine.title}, {turbine.drivetrain.rated_power / 1e6:.4g} MW, rotor {turbine.rotor_diameter:.4g} m, hub "
+        f"{turbine.heading}, {turbine.drivetrain.rated_power / 1e6:.4g} MW, rotor {turbine.rotor_diameter:.4g} m, hub "
         f"{turbine.hub_height:.4g} m"
     )
 

@@ -136,7 +136,7 @@ class Renderer(Term):
         if not len(table):
             return
         time = table[:, 0]
-        self._label.set_text(f"{self._arguments[0].title.partition(',')[0]}, {time[-1]:.1f} s")
+        self._label.set_text(f"{self._arguments[0].heading.partition(',')[0]}, {time[-1]:.1f} s")
         for (axes, line, limit), values in zip(self._strips, table[:, 1:].T, strict=True):
             line.set_data(time, values)
             shown = values if limit is None else np.append(values, limit)

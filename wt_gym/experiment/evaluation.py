@@ -414,7 +414,7 @@ def evaluate(
             notes[name] = f"{notes[name]} {note}" if name in notes else note
         operates = all(turbine.cut_in <= run.wind.speed <= turbine.cut_out for run in runs)
         evaluation = Evaluation(
-            turbine=turbine.title,
+            turbine=turbine.heading,
             settings=_settings(config, layout, experiment.env),
             runs=runs,
             baseline=next(iter(agents)),

@@ -424,6 +424,6 @@ def run_load_cases(
             "control_dt": plain.control_dt,
             "wt_gym": wt_gym.__version__, "numpy": np.__version__, "gymnasium": gym.__version__,
         })  # fmt: skip
-        table = LoadCaseResults(turbine.title, cases, tuple(agents), runs, climate, settings)
+        table = LoadCaseResults(turbine.heading, cases, tuple(agents), runs, climate, settings)
         write_text_whole(store.path / TABLE_FILE, json.dumps(table.to_json(), indent=1) + "\n")
     return table

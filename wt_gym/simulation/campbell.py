@@ -238,7 +238,7 @@ def _assemble(
         tuple(names[k] for k in order),
         frequency[order],
         damping[order],
-        simulator.turbine.title,
+        simulator.turbine.heading,
         words.get(aerodynamics, "in operation, quasi-steady aerodynamics"),
         generator,
         turbine.drivetrain.rated_rotor_speed if abscissa == "rotor_speed" else turbine.rated_wind_speed,

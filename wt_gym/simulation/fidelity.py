@@ -90,33 +90,17 @@ class Fidelity(Options):
         kinds=(AeroOptions,),
     )
     time_step: float | None = option(
-        "aerodynamic step",
-        default=None,
-        unit="s",
-        otherwise="the largest that divides `STEP_BASE` and turns the rotor at rated speed by at most "
-        "``aero.azimuth_step_deg``",
-        low=0,
-        high=10,
-        above=True,
-        below=True,
+        "aerodynamic; by default of `step_for`", default=None, unit="s", low=0, high=10, above=True, below=True
     )
     max_substep: float = option(
-        "longest structural step; the aerodynamic step is divided into equal sub-steps, short enough also for the "
-        "stability of the highest structural mode",
-        default=0.034,
-        unit="s",
-        low=0,
-        high=0.5,
-        above=True,
+        "longest structural; shorter for the highest modes", default=0.034, unit="s", low=0, high=0.5, above=True
     )
     stiffest_shaft: float = option(
         "a drivetrain with a higher torsional frequency is taken as rigid", default=8.0, unit="Hz", low=0
     )
     corrections: int = option("corrector passes of the Hamming scheme in each sub-step", default=3, low=1)
     starter: str = option(
-        'first three steps of the Hamming scheme: "adams", as published, or "runge-kutta", with a smaller error',
-        default="adams",
-        choices=STARTERS,
+        'first steps of Hamming\'s scheme; "runge-kutta" has a smaller error', default="adams", choices=STARTERS
     )
     coupling_iterations: int = option(
         "most passes of structure and loads through one aerodynamic step; more, up to 20, only where the loads of the "
@@ -150,9 +134,7 @@ class Fidelity(Options):
         default=None,
     )
     yaw_drive: str = option(
-        '"stiff": the nacelle follows the yaw drive; "spring": through the yaw spring and damper of the turbine',
-        default="stiff",
-        choices=("stiff", "spring"),
+        '"spring": through the yaw spring and damper of the turbine', default="stiff", choices=("stiff", "spring")
     )
     blade_bodies: int = option(
         "floating-frame bodies of a blade, one behind the other: with several a blade may bend far, and its bending "
@@ -200,17 +182,10 @@ class Fidelity(Options):
         choices=("embedded", "constrained", "observer"),
     )
     spectral_radius: float | None = option(
-        "of the generalized-α scheme at infinite frequency: 1 keeps all frequencies, 0 removes the highest at once",
-        default=None,
-        otherwise="0.3 where ``blade_modes`` counts a torsion mode, else 0.8, see `scheme_radius`",
-        low=0,
-        high=1,
+        "of the generalized-α scheme, 1 keeps all frequencies, see `scheme_radius`", default=None, low=0, high=1
     )
     stabilization: float = option(
-        "Baumgarte's α = β of the constraint equations, φ̈ + 2 α φ̇ + α² φ = 0; without those it has no effect",
-        default=10.0,
-        unit="1/s",
-        low=0,
+        "Baumgarte's α = β of constraints, φ̈ + 2 α φ̇ + α² φ = 0", default=10.0, unit="1/s", low=0
     )
     projection: bool = option(
         "put the state back onto the constraint equations after each structural step; without it the stabilization "
@@ -229,17 +204,10 @@ class Fidelity(Options):
         choices=("fixed", "deformed"),
     )
     reference_condition: str = option(
-        "of the flexible bodies in observer frames, see :mod:`wt_gym.multibody.observer_frame.observer_frame_body`",
-        default="clamped",
-        choices=REFERENCE_CONDITIONS,
+        "of bodies in observer frames (`observer_frame_body`)", default="clamped", choices=REFERENCE_CONDITIONS
     )
     frame_update: str | float = option(
-        'when observer frames are moved onto their bodies: every "step", or beyond this displacement',
-        default="step",
-        unit="m",
-        low=0,
-        above=True,
-        choices=("step",),
+        'every "step", or beyond this displacement', default="step", unit="m", low=0, above=True, choices=("step",)
     )
     frame_displacement: str = option(
         'from the observer frames: "second_order", N q + ½ qᵀ H q with the geometric stiffness of axial forces, as in '
@@ -326,7 +294,10 @@ class Fidelity(Options):
         return modal and self.formulation == "embedded" and self._explicit
 
     def step_for(self, rated_speed: float) -> float:
-        """Aerodynamic time step [s] for a rotor with this rated speed [rad/s]."""
+        """Aerodynamic time step [s] for a rotor with this rated speed [rad/s].
+
+        By default it is the largest that divides `STEP_BASE` and turns the rotor by at most ``aero.azimuth_step_deg``.
+        """
         if self.time_step is not None:
             return self.time_step
         longest = math.radians(self.aero.azimuth_step_deg) / rated_speed

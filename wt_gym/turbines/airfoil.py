@@ -12,7 +12,7 @@ of 80 % of the radius only.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wt_gym.base.attached_flow import attached_lift
 from wt_gym.base.options import option, option_record
@@ -46,7 +46,7 @@ class Polar(ArrayRecord):
         if (i := driving_drag(alpha, cd)) is not None:
             raise fail(f"Polar.cd[{i}] at {np.degrees(alpha[i]):.4g} deg", float(cd[i]), DRAG_ALLOWED)
 
-    def coefficients(self, alpha: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def coefficients(self, alpha: ArrayLike) -> tuple[Array, Array, Array]:
         """Return cl, cd and cm at angles of attack of any size.
 
         Parameters
@@ -90,7 +90,7 @@ class Airfoil(ArrayRecord):
     def _label(self) -> str:
         return f"Airfoil({self.name})"
 
-    def camber_at(self, x_c: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def camber_at(self, x_c: ArrayLike) -> tuple[Array, Array]:
         """Return height and slope of the camber line.
 
         Parameters
@@ -111,7 +111,7 @@ class Airfoil(ArrayRecord):
         return np.interp(x, self.camber_x, self.camber), np.interp(x, self.camber_x, slope)
 
 
-def driving_drag(alpha: NDArray[np.float64], cd: NDArray[np.float64]) -> int | None:
+def driving_drag(alpha: Array, cd: Array) -> int | None:
     """Return the index of the first drag coefficient that would drive the section, None if there is none.
 
     Tables of airfoils have small negative values in flow from behind, where they continue measured ones; OpenFAST uses
@@ -126,7 +126,7 @@ def driving_drag(alpha: NDArray[np.float64], cd: NDArray[np.float64]) -> int | N
     return int(np.argmax(wrong)) if np.any(wrong) else None
 
 
-def _merged(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def _merged(first: Array, second: Array) -> Array:
     """Return the union of two grids of angles [rad].
 
     Grids written in degrees differ in the last digits after conversion; such twins must not make steps of zero width.
@@ -170,19 +170,19 @@ def blend_airfoils(first: Airfoil, second: Airfoil, weight: float) -> Airfoil:
     )
 
 
-def cosine_grid(n: int) -> NDArray[np.float64]:
+def cosine_grid(n: int) -> Array:
     """Return n points from 0 to 1, dense at both ends: x = (1 - cos t) / 2 with t uniform in [0, pi]."""
     x = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, n)))
     x[0], x[-1] = 0.0, 1.0
     return x
 
 
-def contour_of(x: NDArray[np.float64], upper: NDArray[np.float64], lower: NDArray[np.float64]) -> NDArray[np.float64]:
+def contour_of(x: Array, upper: Array, lower: Array) -> Array:
     """Return the contour (2 m - 1, 2) of two surfaces at chordwise stations (m,) from the nose to the trailing edge."""
     return np.vstack((np.column_stack((x, upper))[::-1], np.column_stack((x, lower))[1:]))
 
 
-def suction_first(contour: NDArray[np.float64]) -> NDArray[np.float64]:
+def suction_first(contour: Array) -> Array:
     """Return a contour (n, 2) with x/c from 0 to 1, which begins over the suction side."""
     x, y = contour.T
     # Shoelace formula: counter-clockwise (suction side first) has a positive area.
@@ -192,7 +192,7 @@ def suction_first(contour: NDArray[np.float64]) -> NDArray[np.float64]:
     return contour if area > 0.0 else contour[::-1].copy()
 
 
-def surfaces(contour: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def surfaces(contour: Array, x: Array) -> tuple[Array, Array]:
     """Return y/c of the suction and the pressure side (m,) of a contour (n, 2) at chordwise stations (m,).
 
     Interpolation is linear in the root of x/c: a round nose, y ~ sqrt(x/c), is a straight line in it, and a trailing
@@ -203,19 +203,17 @@ def surfaces(contour: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDAr
     return _height(contour[: nose + 1][::-1], root), _height(contour[nose:], root)
 
 
-def _height(branch: NDArray[np.float64], root: NDArray[np.float64]) -> NDArray[np.float64]:
+def _height(branch: Array, root: Array) -> Array:
     """Interpolate one surface, given from the nose to the trailing edge, at roots of x/c (m,)."""
     # Contours may have two points at one x (a closed blunt trailing edge) or step back by a rounding error; the running
     # maximum keeps the branch a function of x, and the first point at one x is the edge of the surface itself.
     x = np.maximum.accumulate(branch[:, 0])
     keep = np.insert(np.diff(x) > 0.0, 0, True)
-    out: NDArray[np.float64] = np.interp(root, np.sqrt(x[keep]), branch[keep, 1])
+    out: Array = np.interp(root, np.sqrt(x[keep]), branch[keep, 1])
     return out
 
 
-def camber_line(
-    contour: NDArray[np.float64], n: int = CAMBER_POINTS
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def camber_line(contour: Array, n: int = CAMBER_POINTS) -> tuple[Array, Array, float]:
     """Return the camber line of a contour: the mean of both surfaces at equal x/c.
 
     Parameters
@@ -269,7 +267,7 @@ def du_selig(chord_ratio: float, radius_ratio: float, tip_speed_ratio: float, sl
     return float((1.6 * chord_ratio / 0.1267 * (1.0 - power) / (1.0 + power) - 1.0) / slope)
 
 
-def eggers_drag(alpha: NDArray[np.float64], extra_lift: NDArray[np.float64]) -> NDArray[np.float64]:
+def eggers_drag(alpha: Array, extra_lift: Array) -> Array:
     """Drag that goes with lift gained by rotation (Eggers, Chaney & Digumarthi, ASME Wind Energy Symposium, 2003)."""
     sine, cosine = np.sin(alpha), np.cos(alpha)
     return extra_lift * (sine - 0.12 * cosine) / (cosine + 0.12 * sine)

@@ -21,11 +21,11 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.options import option, option_record
-from wt_gym.base.types import Array
+from wt_gym.base.types import Array, Integers
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation, blend_polars
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_span, check_symmetric, fail
 
@@ -75,11 +75,11 @@ class BeamStations(ArrayRecord):
         """Whether the sections do not shear (infinite shear stiffness)."""
         return bool(np.isinf(self.stiffness[0, 0, 0]))
 
-    def stiffness_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def stiffness_at(self, station: ArrayLike) -> Array:
         """Return the stiffness (..., 6, 6) at distances along the axis [m], linear between the stations."""
         return interpolate(station, self.station, self.stiffness)
 
-    def inertia_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def inertia_at(self, station: ArrayLike) -> Array:
         """Return the inertia (..., 6, 6) at distances along the axis [m], linear between the stations."""
         return interpolate(station, self.station, self.inertia)
 
@@ -95,7 +95,7 @@ class BeamStations(ArrayRecord):
         return float(np.sum(half * weights * np.interp(points, s, m) * points**order))
 
 
-def interpolate(at: ArrayLike, station: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+def interpolate(at: ArrayLike, station: Array, table: Array) -> Array:
     """Return a table (n, ...) at distances along the axis [m], linear between the stations (n,); infinity stays."""
     s = np.asarray(at, dtype=np.float64)
     if np.any(~((s >= 0.0) & (s <= station[-1] * (1.0 + 1e-9)))):
@@ -110,7 +110,7 @@ def interpolate(at: ArrayLike, station: NDArray[np.float64], table: NDArray[np.f
     return np.where(rigid, np.inf, (1.0 - w) * low + w * high)
 
 
-def _check_rigid_shear(stiffness: NDArray[np.float64]) -> None:
+def _check_rigid_shear(stiffness: Array) -> None:
     infinite = np.isinf(stiffness)
     allowed = np.zeros((6, 6), dtype=bool)
     allowed[0, 0] = allowed[1, 1] = True
@@ -128,7 +128,7 @@ def _check_rigid_shear(stiffness: NDArray[np.float64]) -> None:
             raise fail("BeamStations.stiffness[:, 0:2, :]", "couplings", "zeros beside an infinite shear stiffness")
 
 
-def _check_spikes(diagonal: NDArray[np.float64]) -> None:
+def _check_spikes(diagonal: Array) -> None:
     """Refuse stiffnesses (n, 6) with implausible jumps (probable typing errors): blades and towers change by at most
     200 from one station to the next, and hardly ever up and down again.
     """
@@ -143,7 +143,7 @@ def _check_spikes(diagonal: NDArray[np.float64]) -> None:
         raise fail(f"BeamStations.stiffness[{i}, {j}, {j}]", float(diagonal[i, j]), allowed)
 
 
-def _check_definite(field: str, matrices: NDArray[np.float64], *, strictly: bool) -> None:
+def _check_definite(field: str, matrices: Array, *, strictly: bool) -> None:
     """Require positive (semi)definite matrices; scaled by their diagonal because the entries differ in unit."""
     for i, matrix in enumerate(matrices):
         diagonal = np.where(np.isinf(np.diag(matrix)), 1.0, np.diag(matrix))
@@ -155,7 +155,7 @@ def _check_definite(field: str, matrices: NDArray[np.float64], *, strictly: bool
             raise fail(f"{field}[{i}]", f"least eigenvalue {least:.3g} after scaling the diagonal to 1", what)
 
 
-def rotation_about_z(angle: ArrayLike) -> NDArray[np.float64]:
+def rotation_about_z(angle: ArrayLike) -> Array:
     """Return the 6 x 6 matrices (..., 6, 6) that turn force/moment or velocity pairs by ``angle`` [rad] about z.
 
     They map components in the turned frame to components in the fixed one, so a section matrix becomes R M R^T.
@@ -170,9 +170,17 @@ def rotation_about_z(angle: ArrayLike) -> NDArray[np.float64]:
     return rotation
 
 
-def shear_rigid_stiffness(
-    axial: ArrayLike, about_x: ArrayLike, about_y: ArrayLike, torsion: ArrayLike
-) -> NDArray[np.float64]:
+def turned(matrices: Array, angle: Array) -> Array:
+    """Return section matrices R M R^T (n, 6, 6), turned by angles (n,) [rad] about z, symmetric in spite of rounding.
+
+    Equal infinite shear stiffnesses stay as they are under a turn in their plane.
+    """
+    rotation, rigid = rotation_about_z(angle), np.isinf(matrices)
+    product = rotation @ np.where(rigid, 0.0, matrices) @ np.swapaxes(rotation, -1, -2)
+    return np.where(rigid, np.inf, 0.5 * (product + np.swapaxes(product, -1, -2)))
+
+
+def shear_rigid_stiffness(axial: ArrayLike, about_x: ArrayLike, about_y: ArrayLike, torsion: ArrayLike) -> Array:
     """Return section stiffnesses (..., 6, 6) without couplings and without shear: EA [N], EI and GJ [N m^2]."""
     values = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (axial, about_x, about_y, torsion)))
     stiffness = np.zeros((*values[0].shape, 6, 6))
@@ -190,7 +198,7 @@ def inertia_matrix(
     i_yy: ArrayLike,
     i_xy: ArrayLike,
     i_zz: ArrayLike | None = None,
-) -> NDArray[np.float64]:
+) -> Array:
     """Return section mass matrices (..., 6, 6) about the reference axis.
 
     With v(x, y) = v + w x (x, y, 0), the kinetic energy per length is (v, w)^T M (v, w) / 2.
@@ -237,22 +245,13 @@ class Blade(ArrayRecord):
     le_offset: Array = option("from leading edge to reference axis, over the chord", shape=("aero",), low=-2, high=3)
     airfoils: tuple[Airfoil, ...] = option("sections that occur, in any order", kinds=(Airfoil,))
     airfoil_station: Array = option(
-        "z where the section is exactly ``airfoils[airfoil_index[i]]``; linear between, constant outside",
-        unit="m",
-        shape=("airfoil",),
-        low=0,
-        ascending=1,
+        "z of each section; linear between, constant outside", unit="m", shape=("airfoil",), low=0, ascending=1
     )
-    airfoil_index: NDArray[np.int64] = option("place in ``airfoils`` of the section at each ``airfoil_station``")
+    airfoil_index: Integers = option("place in ``airfoils`` of the section at each ``airfoil_station``")
     structure: BeamStations = option("sections along the reference axis", kinds=(BeamStations,))
     damping_ratio: float = option("of every blade mode, fraction of critical (BldFlDmp / 100)", low=0, high=0.5)
     normal_offset: Array | None = option(
-        "from the reference axis to the chord line towards the suction side, over the chord; part of `camber_at`",
-        default=None,
-        otherwise="zeros",
-        shape=("aero",),
-        low=-2,
-        high=2,
+        "axis to chord line, suction side, over chord", default=None, otherwise="zeros", shape=("aero",), low=-2, high=2
     )
     rotating_polars: bool | None = option("polars with stall delayed by rotation", default=None, otherwise="not known")
     augmentation: RotationalAugmentation | None = option("of `polar_at`", default=None, kinds=(RotationalAugmentation,))
@@ -284,9 +283,7 @@ class Blade(ArrayRecord):
 
     @cached_property
     def _planform(self) -> PchipInterpolator:
-        table = np.column_stack(
-            (self.chord, self.twist, self.le_offset, cast("NDArray[np.float64]", self.normal_offset))
-        )
+        table = np.column_stack((self.chord, self.twist, self.le_offset, cast("Array", self.normal_offset)))
         return PchipInterpolator(self.aero_station, table, extrapolate=False)
 
     @cached_property
@@ -294,7 +291,7 @@ class Blade(ArrayRecord):
         table = np.column_stack((self.axis[:, :2], self.axis_station))
         return PchipInterpolator(self.axis[:, 2], table, extrapolate=False)
 
-    def _inside(self, z: ArrayLike) -> NDArray[np.float64]:
+    def _inside(self, z: ArrayLike) -> Array:
         position = np.asarray(z, dtype=np.float64)
         slack = 1e-9 * self.length
         if np.any(~((position >= -slack) & (position <= self.length + slack))):
@@ -302,29 +299,29 @@ class Blade(ArrayRecord):
         # Only rounding errors are left: bring them back into the table.
         return np.clip(position, 0.0, self.length)
 
-    def chord_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def chord_at(self, z: ArrayLike) -> Array:
         """Return the chord [m] at z [m] from the root (monotone cubic, no overshoot)."""
-        out: NDArray[np.float64] = self._planform(self._inside(z))[..., 0]
+        out: Array = self._planform(self._inside(z))[..., 0]
         return out
 
-    def twist_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def twist_at(self, z: ArrayLike) -> Array:
         """Return the twist [rad], positive to feather, at z [m] from the root (monotone cubic)."""
-        out: NDArray[np.float64] = self._planform(self._inside(z))[..., 1]
+        out: Array = self._planform(self._inside(z))[..., 1]
         return out
 
-    def le_offset_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def le_offset_at(self, z: ArrayLike) -> Array:
         """Return the distance from leading edge to reference axis divided by the chord, at z [m] from the root."""
-        out: NDArray[np.float64] = self._planform(self._inside(z))[..., 2]
+        out: Array = self._planform(self._inside(z))[..., 2]
         return out
 
-    def axis_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def axis_at(self, z: ArrayLike) -> Array:
         """Return points (..., 3) of the reference axis [m] in the blade frame at z [m] from the root."""
         position = self._inside(z)
         return np.concatenate((self._axis_by_z(position)[..., :2], position[..., None]), axis=-1)
 
-    def station_at(self, z: ArrayLike) -> NDArray[np.float64]:
+    def station_at(self, z: ArrayLike) -> Array:
         """Return the distance along the reference axis [m] (as in ``structure.station``) at z [m] from the root."""
-        out: NDArray[np.float64] = self._axis_by_z(self._inside(z))[..., 2]
+        out: Array = self._axis_by_z(self._inside(z))[..., 2]
         return out
 
     def _bracket(self, z: float) -> tuple[Airfoil, Airfoil, float]:
@@ -356,7 +353,7 @@ class Blade(ArrayRecord):
         first = lifts.index(True) if any(lifts) else 0
         return float(self.airfoil_station[first - 1]) if first else 0.0
 
-    def camber_at(self, z: float, x_c: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def camber_at(self, z: float, x_c: ArrayLike) -> tuple[Array, Array]:
         """Return the camber line at z [m] from the root.
 
         Parameters
@@ -396,10 +393,10 @@ class BladeIce(ArrayRecord):
     level: float = option("mass, loss of lift and drag over those of full ice", low=0, high=2, above=True)
 
 
-def spread(blade: Blade, z: NDArray[np.float64]) -> NDArray[np.float64]:
+def spread(blade: Blade, z: Array) -> Array:
     """Share of the full value at distances from the root along z [m]: from 0 at the axis to 1 at half the radius."""
     tip = blade.root_radius + blade.length
-    share: NDArray[np.float64] = np.minimum(2.0 * (blade.root_radius + z) / tip, 1.0)
+    share: Array = np.minimum(2.0 * (blade.root_radius + z) / tip, 1.0)
     return share
 
 
@@ -423,8 +420,8 @@ def iced_structure(blade: Blade, level: float) -> BeamStations:
     return replace(beam, inertia=beam.inertia + ice)
 
 
-def iced_polar(polar: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+def iced_polar(polar: Array, share: float) -> Array:
     """Polar (n, 3) of lift, drag and moment with a share of full ice [-]."""
     factors = np.array([1.0 - LIFT_LOSS * share, 1.0 + MORE_DRAG * share, 1.0 - LIFT_LOSS * share])
-    iced: NDArray[np.float64] = polar * factors
+    iced: Array = polar * factors
     return iced

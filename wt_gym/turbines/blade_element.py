@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from wt_gym.base.types import Array
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
@@ -39,9 +41,9 @@ class BladeElementRotor:
     """[rad]."""
     air_density: float
     """[kg/m^3]."""
-    chord_at: Callable[[ArrayLike], NDArray[np.float64]]
+    chord_at: Callable[[ArrayLike], Array]
     """Chord [m] at a distance from the root [m]."""
-    twist_at: Callable[[ArrayLike], NDArray[np.float64]]
+    twist_at: Callable[[ArrayLike], Array]
     """Twist [rad] likewise."""
     polar_at: Callable[[float], Polar]
     """`Polar` at a distance from the root [m]."""
@@ -84,7 +86,7 @@ class BladeElements:
         tip, root = (rotor.root_radius + rotor.length) * cos, rotor.root_radius * cos
         self._ends = (tip - self.radius) / self.radius, (self.radius - root) / root
 
-    def coefficients(self, alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def coefficients(self, alpha: Array) -> tuple[Array, Array]:
         """Lift and drag coefficient of every section at angles of attack (points, n_span) [rad]."""
         wrapped = np.where(np.abs(alpha) <= np.pi, alpha, np.mod(alpha + np.pi, 2.0 * np.pi) - np.pi)
         cl, cd = np.empty_like(wrapped), np.empty_like(wrapped)
@@ -93,7 +95,7 @@ class BladeElements:
             cd[:, k] = np.interp(wrapped[:, k], polar.alpha, polar.cd)
         return cl, cd
 
-    def solve(self, wind: ArrayLike, rotor_speed: ArrayLike, pitch: ArrayLike) -> dict[str, NDArray[np.float64]]:
+    def solve(self, wind: ArrayLike, rotor_speed: ArrayLike, pitch: ArrayLike) -> dict[str, Array]:
         """Solve points of shape (n,), or numbers: wind [m/s], rotor speed [rad/s], pitch [rad].
 
         Returns
@@ -109,8 +111,8 @@ class BladeElements:
         angle = self.twist[None, :] + pitch_
         along, across = wind_ * np.cos(self.rotor.cone), speed_ * self.radius[None, :]
         phi = self._inflow_angle(angle, across / along)
-        cl, cd, axial, tangential = self._induction(phi, angle)
-        return self._forces(phi, phi - angle, cl, cd, axial, tangential, along, across, speed_)
+        axial, tangential = self._induction(phi, angle)
+        return self._forces(phi, phi - angle, axial, tangential, along, across, speed_)
 
     def frozen_wake(
         self,
@@ -120,7 +122,7 @@ class BladeElements:
         pitch_changes: ArrayLike,
         wind_changes: ArrayLike = 0.0,
         speed_changes: ArrayLike = 0.0,
-    ) -> dict[str, NDArray[np.float64]]:
+    ) -> dict[str, Array]:
         """Forces at a changed pitch, wind and speed while the induced velocities stay those of a steady point.
 
         Parameters
@@ -143,23 +145,21 @@ class BladeElements:
         along, across = winds * np.cos(self.rotor.cone), speeds * self.radius[None, :]
         phi = np.arctan2(along * (1.0 - axial), across * (1.0 + tangential))
         alpha = phi - self.twist[None, :] - pitch - turned
-        cl, cd = self.coefficients(alpha)
-        return self._forces(phi, alpha, cl, cd, axial, tangential, along, across, speeds[:, 0])
+        return self._forces(phi, alpha, axial, tangential, along, across, speeds[:, 0])
 
     def _forces(
         self,
-        phi: NDArray[np.float64],
-        alpha: NDArray[np.float64],
-        cl: NDArray[np.float64],
-        cd: NDArray[np.float64],
-        axial: NDArray[np.float64],
-        tangential: NDArray[np.float64],
-        along: NDArray[np.float64] | float,
-        across: NDArray[np.float64],
-        rotor_speed: NDArray[np.float64] | float,
-    ) -> dict[str, NDArray[np.float64]]:
+        phi: Array,
+        alpha: Array,
+        axial: Array,
+        tangential: Array,
+        along: Array | float,
+        across: Array,
+        rotor_speed: Array | float,
+    ) -> dict[str, Array]:
         """Forces of the sections and of the rotor from the inflow."""
         rotor, cos_cone = self.rotor, np.cos(self.rotor.cone)
+        cl, cd = self.coefficients(alpha)
         speed = np.hypot(along * (1.0 - axial), across * (1.0 + tangential))
         pressure = 0.5 * rotor.air_density * speed**2 * self.chord[None, :]
         normal = pressure * (cl * np.cos(phi) + cd * np.sin(phi))
@@ -172,11 +172,11 @@ class BladeElements:
             "normal": normal, "driving": driving,
         }  # fmt: skip
 
-    def _inflow_angle(self, angle: NDArray[np.float64], ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _inflow_angle(self, angle: Array, ratio: Array) -> Array:
         """Root of the residual in the first of three brackets with a change of sign [rad]."""
 
-        def residual(phi: NDArray[np.float64]) -> NDArray[np.float64]:
-            _, _, axial, tangential = self._induction(phi, angle)
+        def residual(phi: Array) -> Array:
+            axial, tangential = self._induction(phi, angle)
             with np.errstate(divide="ignore", invalid="ignore"):
                 return np.sin(phi) / (1.0 - axial) - np.cos(phi) / ratio / (1.0 + tangential)
 
@@ -193,8 +193,8 @@ class BladeElements:
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return 0.5 * (low + high)
 
-    def _induction(self, phi: NDArray[np.float64], angle: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Lift, drag, a and a' of the momentum balance at inflow angles, each (points, n_span)."""
+    def _induction(self, phi: Array, angle: Array) -> tuple[Array, Array]:
+        """Induction factors a and a' of the momentum balance at inflow angles, each (points, n_span)."""
         cl, cd = self.coefficients(phi - angle)
         s, c = np.sin(phi), np.cos(phi)
         normal, tangential = cl * c + cd * s, cl * s - cd * c
@@ -212,4 +212,4 @@ class BladeElements:
             g3 = 2.0 * loss * k - (25.0 / 9.0 - 2.0 * loss)
             heavy = np.where(np.abs(g3) > 1e-6, (g1 - np.sqrt(g2)) / g3, 1.0 - 0.5 / np.sqrt(g2))
             axial = np.where((k <= 2.0 / 3.0) | (phi < 0.0), k / (1.0 + k), heavy)
-            return cl, cd, axial, k_turn / (1.0 - k_turn)
+            return axial, k_turn / (1.0 - k_turn)

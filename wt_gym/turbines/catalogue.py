@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
+from wt_gym.base.types import Array
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines.airfoil import Airfoil, Polar, contour_of, cosine_grid
 from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z, shear_rigid_stiffness
@@ -58,7 +58,7 @@ def catalogue() -> tuple[str, ...]:
 def load_turbine(
     name_or_path: str | Path,
     water_depth: float | None = None,
-    foundation: NDArray[np.float64] | None = None,
+    foundation: Array | None = None,
     rotation: str | None = None,
 ) -> Turbine:
     """Load a turbine of the catalogue, any windIO file (version 2 or 1) or any OpenFAST model.
@@ -284,9 +284,7 @@ def _gebhardt_blade(data: dict[str, Any]) -> Blade:
     )
 
 
-def _turned_sections(
-    station: NDArray[np.float64], twist: NDArray[np.float64], stiffness: Sequence[Any], inertia: NDArray[np.float64]
-) -> BeamStations:
+def _turned_sections(station: Array, twist: Array, stiffness: Sequence[Any], inertia: Array) -> BeamStations:
     """Sections from principal stiffnesses (axial, edge, flap, torsion) and inertias at the structural twist."""
     turn = rotation_about_z(-twist)
     principal = np.zeros((len(station), 6, 6))
@@ -297,16 +295,14 @@ def _turned_sections(
     return BeamStations(station, turned, turn @ inertia @ np.swapaxes(turn, 1, 2))
 
 
-def _tower(
-    height: float, diameter: float, stiffness: NDArray[np.float64], inertia: NDArray[np.float64], damping: float = 0.0
-) -> Tower:
+def _tower(height: float, diameter: float, stiffness: Array, inertia: Array, damping: float = 0.0) -> Tower:
     """Straight prismatic tower of sections (6, 6), on which no air acts."""
     ends = np.array([0.0, height])
     sections = BeamStations(ends, np.array([stiffness] * 2), np.array([inertia] * 2))
     return Tower(0.0, height, ends, np.full(2, diameter), sections, damping, drag_coefficient=0.0)
 
 
-def _nacelle(mass: float, inertia: NDArray[np.float64], overhang: float) -> Nacelle:
+def _nacelle(mass: float, inertia: Array, overhang: float) -> Nacelle:
     """Rigid body on the tower top, yaw held."""
     return Nacelle(
         mass=mass,
@@ -515,7 +511,7 @@ OC3_FOUNDATION[1, 3] = OC3_FOUNDATION[3, 1] = -_KC
 OC3_FOUNDATION.flags.writeable = False
 
 
-def tube(station: NDArray[np.float64], diameter: NDArray[np.float64], wall: NDArray[np.float64]) -> BeamStations:
+def tube(station: Array, diameter: Array, wall: Array) -> BeamStations:
     """Sections of a steel tube at stations (n,) [m] with diameters and walls (n,) [m]."""
     outer, inner = 0.5 * diameter, 0.5 * diameter - wall
     area, second = np.pi * (outer**2 - inner**2), 0.25 * np.pi * (outer**4 - inner**4)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.options import Option, Options, shown
+from wt_gym.base.types import Array
 
 
 def fail(field: str, value: Any, allowed: str) -> TurbineDefinitionError:
@@ -21,9 +21,9 @@ def check_number(field: str, value: Any, low: float, high: float, *, open_low: b
     return float(_checked(field, value, annotation="float", low=low, high=high, above=open_low))
 
 
-def check_array(field: str, value: Any, *shape: int | str, **declared: Any) -> NDArray[np.float64]:
+def check_array(field: str, value: Any, *shape: int | str, **declared: Any) -> Array:
     """Return a read-only copy of an array of finite numbers; ``declared`` as of `wt_gym.base.options.Option`."""
-    array: NDArray[np.float64] = _checked(field, value, shape=shape, **declared)
+    array: Array = _checked(field, value, shape=shape, **declared)
     return array
 
 
@@ -34,7 +34,7 @@ def _checked(field: str, value: Any, **declared: Any) -> Any:
         raise TurbineDefinitionError(str(error)) from error
 
 
-def check_symmetric(field: str, matrices: NDArray[np.float64]) -> None:
+def check_symmetric(field: str, matrices: Array) -> None:
     """Require every matrix of a stack (n, k, k) to be symmetric."""
     for i, matrix in enumerate(matrices):
         finite = np.where(np.isfinite(matrix), matrix, 0.0)
@@ -42,7 +42,7 @@ def check_symmetric(field: str, matrices: NDArray[np.float64]) -> None:
             raise fail(f"{field}[{i}]", matrix.tolist(), "a symmetric matrix")
 
 
-def check_span(field: str, station: NDArray[np.float64], length: float) -> None:
+def check_span(field: str, station: Array, length: float) -> None:
     """Require a grid (n,) to start at 0 and to end at ``length`` [m]."""
     if abs(station[0]) > 1e-6 * length or abs(station[-1] - length) > 1e-6 * length:
         raise fail(field, [float(station[0]), float(station[-1])], f"a grid from 0 to {length:g} m")

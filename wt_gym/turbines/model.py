@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.base.options import option, option_record
@@ -78,11 +78,11 @@ class Support(ArrayRecord):
         """Length from the sea bed to the base of the tower [m]."""
         return self.structure.length
 
-    def diameter_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def diameter_at(self, station: ArrayLike) -> Array:
         """Return the outer diameter [m] at a distance from the base [m], linear between stations."""
         return np.interp(np.asarray(station, dtype=np.float64), self.diameter_station, self.diameter)
 
-    def added_mass_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def added_mass_at(self, station: ArrayLike) -> Array:
         """Return the mass per length [kg/m] of the water that moves along across the axis, none above sea level."""
         s = np.asarray(station, dtype=np.float64)
         wet = self.base_height + s <= 0.0
@@ -121,7 +121,7 @@ class Tower(ArrayRecord):
         """Length from base to top [m]."""
         return self.height - self.base_height
 
-    def diameter_at(self, station: ArrayLike) -> NDArray[np.float64]:
+    def diameter_at(self, station: ArrayLike) -> Array:
         """Return the outer diameter [m] at a distance from the base [m], linear between stations."""
         s = np.asarray(station, dtype=np.float64)
         if np.any(~((s >= 0.0) & (s <= self.length * (1.0 + 1e-9)))):
@@ -208,21 +208,14 @@ class Drivetrain(ArrayRecord):
     max_generator_torque: float = option("high-speed shaft (VS_MaxTq)", unit="N m", low=0, high=_BIG, above=True)
     max_torque_rate: float = option("high-speed shaft (VS_MaxRat); 0: a linear damper", unit="N m/s", low=0, high=_BIG)
     generator_damping: float = option(
-        "torque over speed of a generator that is, or may run as, a linear damper, low-speed shaft; 0 if it cannot",
-        default=0.0,
-        unit="N m s/rad",
-        low=0,
-        high=_BIG,
+        "low-speed torque over speed as a linear damper; 0: none", default=0.0, unit="N m s/rad", low=0, high=_BIG
     )
     gearbox_reverses: bool = option("the high-speed shaft turns against the low-speed shaft (GBRevers)", default=False)
     torque_lag: float = option(
         "time constant of the torque behind its demand", default=0.0, unit="s", low=0, high=LONGEST_LAG
     )
     losses: LossShares | None = option(
-        "losses over speed and torque",
-        default=None,
-        otherwise="``generator_efficiency`` everywhere",
-        kinds=(LossShares,),
+        "over speed and torque", default=None, otherwise="one efficiency", kinds=(LossShares,)
     )
     shaft_damper: ShaftDamper | None = option("converter against torsion", default=None, kinds=(ShaftDamper,))
 
@@ -250,18 +243,18 @@ class Drivetrain(ArrayRecord):
 
 @option_record
 class PitchSystem(ArrayRecord):
-    """Limits and bandwidth of the pitch actuators."""
+    """Limits and bandwidth of the pitch actuators.
+
+    Without a servo the drive is ideal and follows the demand c at up to ``max_rate``: windIO files are silent on it,
+    and the baseline controller of the NREL 5-MW is published without dynamics of the actuators (NREL/TP-500-38060,
+    section 7).
+    """
 
     min_pitch: float = option("(PC_MinPit)", unit="rad", low=-np.pi / 2, high=np.pi)
     max_pitch: float = option("above ``min_pitch`` (PC_MaxPit)", unit="rad", high=np.pi)
     max_rate: float = option("(PC_MaxRat)", unit="rad/s", low=0, high=10, above=True)
     servo_frequency: float | None = option(
-        "natural frequency ω of a servo behind the demand c (PA_CornerFreq): θ̈ = ω² (c − θ) − 2 ζ ω θ̇",
-        default=None,
-        unit="rad/s",
-        otherwise="an ideal drive up to ``max_rate``, as in NREL/TP-500-38060, section 7",
-        low=0.1,
-        high=100,
+        "ω of a servo θ̈ = ω² (c − θ) − 2 ζ ω θ̇ (PA_CornerFreq)", default=None, unit="rad/s", low=0.1, high=100
     )
     servo_damping: float = option("ζ of that servo (PA_Damping); its lag is 2 ζ/ω", default=1.0, low=0.1, high=10)
 
@@ -306,11 +299,7 @@ class ControlData(ArrayRecord):
         "of the gain schedule", default=None, unit="rad", shape=("gains",), low=-np.pi, high=np.pi, ascending=1
     )
     pitch_proportional_gain: Array | None = option(
-        "from generator speed error to pitch at ``gain_pitch``; negative where the air damps more than is required",
-        default=None,
-        unit="s",
-        shape=("gains",),
-        low=-_BIG_GAIN,
+        "from speed error to pitch; may turn negative", default=None, unit="s", shape=("gains",), low=-_BIG_GAIN
     )
     pitch_integral_gain: Array | None = option("of its integral", default=None, unit="-", shape=("gains",), low=0)
     reference_generator_speed: float | None = option(
@@ -321,18 +310,10 @@ class ControlData(ArrayRecord):
     )
     speed_filter_damping: float | None = option("of it", default=None, otherwise="first order", low=0, high=10)
     gain_doubling_pitch: float | None = option(
-        "where the gains are half of those at the one ``gain_pitch`` 0 (PC_KK)",
-        default=None,
-        unit="rad",
-        low=1e-4,
-        high=10,
+        "where gains are half of those at ``gain_pitch`` 0 (PC_KK)", default=None, unit="rad", low=1e-4, high=10
     )
     power_per_pitch: float | None = option(
-        "change of aerodynamic power with pitch at rated and fine pitch",
-        default=None,
-        unit="W/rad",
-        low=-_BIG_GAIN,
-        high=0,
+        "aerodynamic, at rated and fine pitch", default=None, unit="W/rad", low=-_BIG_GAIN, high=0
     )
     min_pitch_wind: Array | None = option(
         "wind speed at hub height", default=None, unit="m/s", shape=("winds",), low=-200, high=200, ascending=1
@@ -345,24 +326,14 @@ class ControlData(ArrayRecord):
     )
     damping_ratio: float | None = option("of that loop", default=None, unit="-", low=0, high=10)
     region_3_min_pitch: float | None = option(
-        "from which on the torque controller is in region 3 (VS_Rgn3MP)",
-        default=None,
-        unit="rad",
-        low=-np.pi,
-        high=np.pi,
+        "from which region 3 holds (VS_Rgn3MP)", default=None, unit="rad", low=-np.pi, high=np.pi
     )
     max_pitch: float | None = option(
         "where it is not that of the drives (PC_MaxPit)", default=None, unit="rad", low=-np.pi, high=np.pi
     )
     max_pitch_rate: float | None = option("likewise (PC_MaxRat)", default=None, unit="rad/s", low=1e-6, high=10)
     trim_wind: Array | None = option(
-        "wind speed at hub height from rated on",
-        default=None,
-        unit="m/s",
-        shape=("trims",),
-        low=-200,
-        high=200,
-        ascending=1,
+        "from rated on", default=None, unit="m/s", shape=("trims",), low=-200, high=200, ascending=1
     )
     trim_pitch: Array | None = option("steady pitch there", default=None, unit="rad", shape=("trims",), low=-np.pi)
     speed_shift_per_pitch: float | None = option(
@@ -374,10 +345,7 @@ class ControlData(ArrayRecord):
         high=1e3,
     )
     speed_shift_per_power: float | None = option(
-        "rise of the speed that the pitch law holds, over rated, per power missing to rated",
-        default=None,
-        low=0,
-        high=1e3,
+        "of the pitch law, over rated, per missing power over rated", default=None, low=0, high=1e3
     )
     speed_shift_frequency: float | None = option(
         "corner of the low-pass filter on both", default=None, unit="rad/s", low=1e-4, high=1e3
@@ -423,12 +391,7 @@ class Turbine(ArrayRecord):
     notes: Notes = option("assumptions of the reader, where the file does not say it", default=(), kinds=(tuple,))
     control: ControlData | None = option("of its own controller, as published", default=None, kinds=(ControlData,))
     design_air_density: float | None = option(
-        "for which its controller is designed",
-        default=None,
-        unit="kg/m^3",
-        otherwise="``air_density``",
-        low=0.1,
-        high=10,
+        "of its controller", default=None, unit="kg/m^3", otherwise="``air_density``", low=0.1, high=10
     )
     rotation: str = option(
         "of the rotor, seen looking downwind; where it is counter-clockwise the frame of the blade is left-handed "
@@ -493,7 +456,7 @@ class Turbine(ArrayRecord):
         return with_site(self, site)
 
     @property
-    def title(self) -> str:
+    def heading(self) -> str:
         """Name for headings, with what is unusual about the turbine."""
         return self.name if self.rotation == "clockwise" else f"{self.name}, {self.rotation}"
 

@@ -13,12 +13,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.types import Array, Integers
 from wt_gym.turbines.airfoil import Airfoil, Polar, blend_polars, camber_line, contour_of, cosine_grid, suction_first
-from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z, shear_rigid_stiffness
+from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, shear_rigid_stiffness, turned
 from wt_gym.turbines.checks import check_array, check_number, fail
 from wt_gym.turbines.model import Tower
 from wt_gym.turbines.openfast_text import Model, TextFile, as_number, existing_file
@@ -52,21 +52,21 @@ _STEEL_WAVE_SPEED_SQUARED = 210e9 / 8500.0
 class _Planform:
     """AeroDyn's table of the blade, in SI units, and the airfoil of each node."""
 
-    z: NDArray[np.float64]
-    curve: NDArray[np.float64]
-    sweep: NDArray[np.float64]
-    twist: NDArray[np.float64]
-    chord: NDArray[np.float64]
-    index: NDArray[np.int64]
+    z: Array
+    curve: Array
+    sweep: Array
+    twist: Array
+    chord: Array
+    index: Integers
     files: tuple[_AirfoilFile, ...]
 
-    def reference(self) -> NDArray[np.float64]:
+    def reference(self) -> Array:
         """Return the reference point of every node [chords behind the leading edge]."""
         return np.array([self.files[i].reference for i in self.index])
 
-    def thickness(self) -> NDArray[np.float64]:
+    def thickness(self) -> Array:
         """Return the largest thickness of every node [m]."""
-        out: NDArray[np.float64] = self.chord * np.array([self.files[i].airfoil.relative_thickness for i in self.index])
+        out: Array = self.chord * np.array([self.files[i].airfoil.relative_thickness for i in self.index])
         return out
 
 
@@ -96,7 +96,7 @@ def read_openfast_blade(
     beamdyn, elastic = (structure or STRUCTURES[primary.integer("CompElast") - 1]) == "beamdyn", None
     if beamdyn:
         beam = _one_file(primary, [f"BDBldFile({i})" for i in numbers], within="BldFile")
-        sections = TextFile(existing_file(beam.path.parent, beam.text("BldFile"), f"{beam.path.name}: BldFile"))
+        sections = beam.file("BldFile")
         if elastic_path.is_file():
             elastic = TextFile(elastic_path, free=True)
             model.note(f"blade: sections of BeamDyn ({sections.path.name}), not those of {elastic.path.name}")
@@ -165,11 +165,10 @@ def _is_copy(first: TextFile, path: Path, free: bool, within: str) -> bool:
         return False
     if not within:
         return True
-    one, two = (existing_file(file.path.parent, file.text(within), within) for file in (first, other))
-    return _is_copy(TextFile(one), two, False, "")
+    return _is_copy(first.file(within), other.file(within).path, False, "")
 
 
-def _stretched(model: Model, file: TextFile, key: str, z: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def _stretched(model: Model, file: TextFile, key: str, z: Array, length: float) -> Array:
     """Return places along the blade, which may end beside its length by a little, from 0 to the length."""
     if abs(z[-1] - length) > 1e-6 * length:
         model.note(f"{key} ends at {z[-1]:g} m, stretched to TipRad - HubRad = {length:g} m", file)
@@ -215,7 +214,7 @@ def _read_planform(
     return _Planform(z, table["blcrvac"], table["blswpac"], twist, chord, index, tuple(read))
 
 
-def _prebend_axis(model: Model, plan: _Planform) -> NDArray[np.float64]:
+def _prebend_axis(model: Model, plan: _Planform) -> Array:
     """Return x and y (n, 2) of the reference axis of a blade whose structure has no axis of its own.
 
     ElastoDyn's pitch axis is straight. The reference point of a section lies on the chord line through the axis if
@@ -233,9 +232,7 @@ def _prebend_axis(model: Model, plan: _Planform) -> NDArray[np.float64]:
     return np.column_stack((bend, np.zeros(bend.size)))
 
 
-def _beamdyn_axis(
-    model: Model, file: TextFile, length: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _beamdyn_axis(model: Model, file: TextFile, length: float) -> tuple[Array, Array, Array]:
     """Return z (n,), x and y (n, 2) of the key points [m] and the twist there (n,) [rad]."""
     members, total = file.integer("member_total"), file.integer("kp_total")
     if members < 1 or total < 2:
@@ -255,9 +252,7 @@ def _beamdyn_axis(
     return z, table[:, :2], np.radians(table[:, 3])
 
 
-def _offsets(
-    plan: _Planform, z: NDArray[np.float64], axis: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _offsets(plan: _Planform, z: Array, axis: Array) -> tuple[Array, Array]:
     """Return the reference points of the sections from the axis, normal to the chord and along it to the rear [m]."""
     at = PchipInterpolator(z, axis)(plan.z)
     x, y = plan.curve - at[:, 0], plan.sweep - at[:, 1]
@@ -266,9 +261,7 @@ def _offsets(
     return np.where(np.abs(normal) < 1e-6 * plan.chord, 0.0, normal), x * s + y * c
 
 
-def _airfoils(
-    model: Model, plan: _Planform, length: float
-) -> tuple[tuple[Airfoil, ...], NDArray[np.float64], NDArray[np.int64]]:
+def _airfoils(model: Model, plan: _Planform, length: float) -> tuple[tuple[Airfoil, ...], Array, Integers]:
     """Return airfoils, their z [m] and index.
 
     AeroDyn blends no airfoils: each node has its own. Where nodes share airfoils, each holds half way to the next node;
@@ -305,14 +298,9 @@ def _elastodyn_sections(
     slope = np.maximum(arc.derivative()(z), 1.0)
     mass = table["bmassden"] * file.number("AdjBlMs", 1.0) / slope
     chord, thick = np.interp(z, plan.z, plan.chord), np.interp(z, plan.z, plan.thickness())
-    stiffness = np.zeros((z.size, 6, 6))
-    for k, value in ((2, 4.0 * (flap + edge) / chord**2), (3, edge), (4, flap), (5, flap + edge)):
-        stiffness[:, k, k] = value
-    flat, deep = mass * thick**2 / 16.0, mass * chord**2 / 16.0
-    turn = rotation_about_z(-np.radians(table["strctwst"]))
-    stiffness = _symmetric(turn @ stiffness @ np.swapaxes(turn, -1, -2))
-    stiffness[:, 0, 0] = stiffness[:, 1, 1] = np.inf
-    inertia = _symmetric(turn @ inertia_matrix(mass, 0.0, 0.0, deep, flat, 0.0) @ np.swapaxes(turn, -1, -2))
+    flat, deep, angle = mass * thick**2 / 16.0, mass * chord**2 / 16.0, -np.radians(table["strctwst"])
+    stiffness = turned(shear_rigid_stiffness(4.0 * (flap + edge) / chord**2, edge, flap, flap + edge), angle)
+    inertia = turned(inertia_matrix(mass, 0.0, 0.0, deep, flat, 0.0), angle)
     model.note(
         "ElastoDyn's blade bends only; assumed: no shear, EA = 4 (FlpStff + EdgStff)/chord^2, GJ = FlpStff + EdgStff "
         "(hardly twists), rotary inertia by radii of a quarter of chord and thickness, centers of mass and shear on "
@@ -338,9 +326,7 @@ def _beamdyn_sections(file: TextFile, length: float, twist: PchipInterpolator) -
     matrices = np.array([[[file.value("section", word) for word in row[:6]] for row in s[1:]] for s in sections])
     stiffness, inertia = matrices[:, :6], matrices[:, 6:]
     s = file.unit_grid("span of the sections", station) * length
-    turn = rotation_about_z(-twist(s))
-    back = np.swapaxes(turn, -1, -2)
-    return BeamStations(s, _symmetric(turn @ stiffness @ back), _symmetric(turn @ inertia @ back))
+    return BeamStations(s, turned(stiffness, -twist(s)), turned(inertia, -twist(s)))
 
 
 def _beamdyn_damping(model: Model, file: TextFile, elastodyn: TextFile | None) -> float:
@@ -363,11 +349,6 @@ def _beamdyn_damping(model: Model, file: TextFile, elastodyn: TextFile | None) -
         return value
     model.note(f"mu is not used, {100 * DEFAULT_BLADE_DAMPING:g} % of critical assumed", file)
     return DEFAULT_BLADE_DAMPING
-
-
-def _symmetric(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return matrices (n, 6, 6) without the differences that rounding leaves between both halves."""
-    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
 
 
 @dataclass(frozen=True)
@@ -507,9 +488,7 @@ def _count(file: TextFile, key: str, word: str) -> int:
     return int(value)
 
 
-def _coefficients(
-    file: TextFile, line: int, columns: tuple[int, int, int, int], notes: list[str]
-) -> tuple[NDArray[np.float64], ...]:
+def _coefficients(file: TextFile, line: int, columns: tuple[int, int, int, int], notes: list[str]) -> tuple[Array, ...]:
     """Return angle [deg], lift, drag and moment about the reference point."""
     count = _count(file, "NumAlf", next(word for i, _, word in file.entries("NumAlf") if i == line))
     if min(columns[:3]) < 1:
@@ -525,7 +504,7 @@ def _coefficients(
 
 def _airfoil_shape(
     file: TextFile, table: int, columns: tuple[int, int, int, int], thickness: float, notes: list[str]
-) -> tuple[NDArray[np.float64], float, float]:
+) -> tuple[Array, float, float]:
     """Return contour (n, 2), reference point [chords] and relative thickness (0: that of the contour)."""
     name = file.path.name
     known = file.number("RelThickness", 0.0) if not file.is_default("RelThickness") else 0.0
@@ -542,7 +521,7 @@ def _airfoil_shape(
     return _assumed_contour(file, table, columns, known, notes), _QUARTER_CHORD, known
 
 
-def _closed_contour(where: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _closed_contour(where: str, points: Array) -> Array:
     """Return a contour from the trailing edge over the suction side, x/c from 0 to 1."""
     x = points[:, 0]
     if np.ptp(x) < 0.9 or np.ptp(x) > 1.1:
@@ -557,7 +536,7 @@ def _closed_contour(where: str, points: NDArray[np.float64]) -> NDArray[np.float
 
 def _assumed_contour(
     file: TextFile, table: int, columns: tuple[int, int, int, int], known: float, notes: list[str]
-) -> NDArray[np.float64]:
+) -> Array:
     """Return a NACA four-digit section with the zero-lift angle of the polar; a circle where there is no lift.
 
     A parabolic camber line of height h has the zero-lift angle -2 h (thin-airfoil theory). Thickness distribution of
@@ -592,7 +571,7 @@ def read_openfast_tower(model: Model) -> Tower:
     """Build the tower, clamped at TowerBsHt: ElastoDyn's bending stiffness and mass, AeroDyn's diameter and drag."""
     elastodyn = model.elastodyn
     base, top = elastodyn.number("TowerBsHt"), elastodyn.number("TowerHt")
-    file = TextFile(existing_file(elastodyn.path.parent, elastodyn.text("TwrFile"), "TwrFile"))
+    file = elastodyn.file("TwrFile")
     length = top - base
     if length <= 0.0:
         raise elastodyn.fail("TowerHt", top, f"a height above TowerBsHt = {base:g} m")
@@ -621,7 +600,7 @@ def read_openfast_tower(model: Model) -> Tower:
     return Tower(base, top, wall, diameter, sections, damping, drag)
 
 
-def _check_order(file: TextFile, table: dict[str, NDArray[np.float64]], columns: tuple[str, ...]) -> None:
+def _check_order(file: TextFile, table: dict[str, Array], columns: tuple[str, ...]) -> None:
     """Refuse tables whose header has another order than that in which OpenFAST counts the columns."""
     given = [name for name in table if name in columns]
     if given != [name for name in columns if name in table] or list(table)[: len(given)] != given:
@@ -630,9 +609,7 @@ def _check_order(file: TextFile, table: dict[str, NDArray[np.float64]], columns:
         )
 
 
-def _tower_shape(
-    model: Model, base: float, length: float, specific: tuple[NDArray[np.float64], NDArray[np.float64]]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _tower_shape(model: Model, base: float, length: float, specific: tuple[Array, Array]) -> tuple[Array, Array, float]:
     """Return stations from the base [m], diameters [m] and drag coefficient.
 
     ``specific`` holds stations [m] and EI per mass per length [m^4/s^2], from which the diameter of a thin steel tube

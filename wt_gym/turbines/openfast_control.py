@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.types import Array
 from wt_gym.turbines.checks import check_number
 from wt_gym.turbines.model import ControlData
 from wt_gym.turbines.openfast_text import Model, TextFile, as_number
@@ -251,7 +251,7 @@ def _set_point_smoother(file: TextFile) -> dict[str, float]:
     return values
 
 
-def _schedule(model: Model, file: TextFile) -> dict[str, NDArray[np.float64]]:
+def _schedule(model: Model, file: TextFile) -> dict[str, Array]:
     """Return the schedule of the pitch gains up to where one of them changes its sign.
 
     ROSCO's tuning subtracts the rotor's own damping from the proportional gain, which at large pitch may leave one of
@@ -336,15 +336,15 @@ class SteadyTable:
     """Steady states over the wind (n,); an array is None where the file has no such column."""
 
     path: Path
-    wind: NDArray[np.float64]
+    wind: Array
     """Ascending [m/s]."""
-    power: NDArray[np.float64]
+    power: Array
     """Electrical [W]."""
-    rotor_speed: NDArray[np.float64] | None
+    rotor_speed: Array | None
     """[rad/s]."""
-    pitch: NDArray[np.float64] | None
+    pitch: Array | None
     """[rad]."""
-    thrust: NDArray[np.float64] | None
+    thrust: Array | None
     """[N]."""
 
     def at(self, wind: float, column: str) -> float | None:

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.base.files import decoded_text
 from wt_gym.base.options import shown
+from wt_gym.base.types import Array
 from wt_gym.turbines.checks import fail
 
 _TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;!]+")
@@ -200,7 +200,7 @@ class TextFile:
             return False
         raise self.fail(key, self.text(key), "True or False")
 
-    def array(self, key: str) -> NDArray[np.float64]:
+    def array(self, key: str) -> Array:
         """Return all numbers of a keyword's line (n,)."""
         return np.array([self.value(key, value) for value in self._place(key)[1]])
 
@@ -232,12 +232,12 @@ class TextFile:
             raise self.fail(what, f"{count} rows announced", f"at least one row, and as many as announced ({what})")
         return rows
 
-    def numbers(self, first: int, count: int, columns: int, what: str, skip_text: bool = False) -> NDArray[np.float64]:
+    def numbers(self, first: int, count: int, columns: int, what: str, skip_text: bool = False) -> Array:
         """Return a block of numbers (count, columns) that begins in the line with the index ``first``, see `rows`."""
         rows = self.rows(first, count, what, columns, skip_text)
         return np.array([[self.value(what, word) for word in row[:columns]] for row in rows])
 
-    def table(self, count_key: str, first_column: str, *needed: str, part: str = "") -> dict[str, NDArray[np.float64]]:
+    def table(self, count_key: str, first_column: str, *needed: str, part: str = "") -> dict[str, Array]:
         """Return a table by the names in its header, in lower case, as far as every row has numbers (n,).
 
         Parameters
@@ -268,7 +268,7 @@ class TextFile:
                 raise TurbineDefinitionError(f"{self.path.name}: no column {name} in the table of the {part}")
         return table
 
-    def unit_grid(self, name: str, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    def unit_grid(self, name: str, fraction: Array) -> Array:
         """Return fractions of a length (n,), which must run from 0 to 1, without rounding at their ends."""
         if abs(fraction[0]) > 1e-6 or abs(fraction[-1] - 1.0) > 1e-6:
             raise self.fail(name, [float(fraction[0]), float(fraction[-1])], "fractions from 0 to 1")

@@ -47,8 +47,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wt_gym.base.types import Array
 from wt_gym.turbines.blade import BeamStations
 from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import STRONGEST, LossShares, ShaftDamper, Turbine
@@ -224,12 +224,12 @@ def _mirrored_beam(beam: BeamStations) -> BeamStations:
     return replace(beam, stiffness=_mirrored_matrix(beam.stiffness), inertia=_mirrored_matrix(beam.inertia))
 
 
-def _mirrored_matrix(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mirrored_matrix(matrix: Array) -> Array:
     """Reflect matrices (..., 6, 6) of displacements and rotations."""
     return _signed(matrix, np.outer(REFLECTION_6, REFLECTION_6))
 
 
-def _signed(values: NDArray[np.float64], signs: NDArray[np.float64]) -> NDArray[np.float64]:
+def _signed(values: Array, signs: Array) -> Array:
     """Values with signs; zeros stay as they are, so that what is alike on both sides is bit for bit its own image."""
     return np.where(values == 0.0, values, values * signs)
 

@@ -23,10 +23,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.types import Array
 from wt_gym.turbines.blade import BeamStations, inertia_matrix, shear_rigid_stiffness
 from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import ControlData, Support, Tower, Turbine
@@ -34,7 +34,7 @@ from wt_gym.turbines.windio_blade import beam_tables, damping_ratio, read_blade,
 from wt_gym.turbines.windio_file import Node, WindioFile, read_windio, within
 from wt_gym.turbines.windio_machine import read_drivetrain, read_hub, read_machine, read_nacelle, read_pitch, rpm
 
-_Table = tuple[NDArray[np.float64], NDArray[np.float64]]
+_Table = tuple[Array, Array]
 """Grid (n,) and values (n,)."""
 _DEGREE = np.pi / 180.0
 _LARGEST_PITCH, _LARGEST_YAW_RATE = 0.5 * np.pi, 10.0 * _DEGREE
@@ -93,9 +93,7 @@ def control_file_of(path: Path) -> Path:
     return path.with_name(f"{path.stem}.control.json")
 
 
-def read_turbine(
-    path: Path, water_depth: float | None = None, foundation: NDArray[np.float64] | None = None
-) -> Turbine:
+def read_turbine(path: Path, water_depth: float | None = None, foundation: Array | None = None) -> Turbine:
     """Read a windIO file; arguments and errors are those of `wt_gym.turbines.load_turbine`.
 
     Returns
@@ -129,9 +127,7 @@ def read_turbine(
     return turbine
 
 
-def _build(
-    root: Node, water_depth: float | None, foundation: NDArray[np.float64] | None, constants: str | None
-) -> Turbine:
+def _build(root: Node, water_depth: float | None, foundation: Array | None, constants: str | None) -> Turbine:
     """Turn a file, and constants beside it, into a turbine, on its monopile if the depth of the water is given."""
     notes, assembly = root.notes, root.at("assembly")
     control = root.at("control", "a mapping with rated_rotor_speed, max_gen_torque and the limits of the actuators")
@@ -242,7 +238,7 @@ def _read_tower(root: Node) -> Tower:
         return Tower(base, height, grid * length, diameter, sections, damping, float(cd.mean()))
 
 
-def _read_support(root: Node, tower: Tower, water_depth: float, foundation: NDArray[np.float64] | None) -> Support:
+def _read_support(root: Node, tower: Tower, water_depth: float, foundation: Array | None) -> Support:
     """Build the monopile under a tower, from the sea bed up.
 
     Its sections are those of its walls where the file gives them, else of its table. What lies below the sea bed is

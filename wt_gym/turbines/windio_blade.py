@@ -17,10 +17,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.types import Array, Integers
 from wt_gym.turbines.airfoil import (
     DRAG_ALLOWED,
     Airfoil,
@@ -31,7 +31,7 @@ from wt_gym.turbines.airfoil import (
     driving_drag,
     suction_first,
 )
-from wt_gym.turbines.blade import BeamStations, inertia_matrix, rotation_about_z
+from wt_gym.turbines.blade import BeamStations, inertia_matrix, turned
 from wt_gym.turbines.checks import check_array, check_number, fail
 from wt_gym.turbines.model import Blade
 from wt_gym.turbines.windio_file import Node, within
@@ -49,18 +49,18 @@ _ROWS = [(i, j) for i in range(6) for j in range(i, 6)]
 class _Axis:
     """Reference axis as functions of windIO's grid."""
 
-    grid: NDArray[np.float64]
-    points: NDArray[np.float64]
-    station: NDArray[np.float64]
+    grid: Array
+    points: Array
+    station: Array
 
-    def z(self, grid: NDArray[np.float64]) -> NDArray[np.float64]:
+    def z(self, grid: Array) -> Array:
         """Return the distance from the root along z [m]."""
-        out: NDArray[np.float64] = PchipInterpolator(self.grid, self.points[:, 2])(grid)
+        out: Array = PchipInterpolator(self.grid, self.points[:, 2])(grid)
         return out
 
-    def s(self, grid: NDArray[np.float64]) -> NDArray[np.float64]:
+    def s(self, grid: Array) -> Array:
         """Return the distance from the root along the axis [m]."""
-        out: NDArray[np.float64] = PchipInterpolator(self.grid, self.station)(grid)
+        out: Array = PchipInterpolator(self.grid, self.station)(grid)
         return out
 
 
@@ -123,9 +123,7 @@ def _read_axis(node: Node) -> _Axis:
     return _Axis(grid, points, arc_length(grid, lambda at: np.column_stack([curve(at) for curve in curves])))
 
 
-def arc_length(
-    at: NDArray[np.float64], curve: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def arc_length(at: Array, curve: Callable[[Array], Array]) -> Array:
     """Return the distance (n,) along a curve at places (n,), by chords of 50 parts a segment.
 
     They leave an error of 1e-6 of the sag.
@@ -135,7 +133,7 @@ def arc_length(
     return np.interp(at, fine, arc)
 
 
-def _read_planform(shape: Node) -> tuple[NDArray[np.float64], ...]:
+def _read_planform(shape: Node) -> tuple[Array, ...]:
     """Return grid, chord [m], twist [rad], leading-edge and normal offset [chords] on the union of their grids."""
     tables = {
         "chord": shape.distribution("chord"),
@@ -155,7 +153,7 @@ def _read_planform(shape: Node) -> tuple[NDArray[np.float64], ...]:
 
 def _read_airfoils(
     shape: Node, axis: _Axis, library: AirfoilLibrary, speed_chord: Callable[[float], float]
-) -> tuple[tuple[Airfoil, ...], NDArray[np.float64], NDArray[np.int64]]:
+) -> tuple[tuple[Airfoil, ...], Array, Integers]:
     """Return airfoils, their z [m] and index.
 
     windIO lists pure airfoils along the span and a thickness distribution; where both are there the thickness decides.
@@ -194,10 +192,10 @@ def _read_airfoils(
 def _positions(
     shape: Node,
     entries: list[Node],
-    named: NDArray[np.float64],
-    grid: NDArray[np.float64],
-    thickness: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    named: Array,
+    grid: Array,
+    thickness: Array,
+) -> Array:
     """Return the spanwise positions of the listed airfoils, from the file or from where their thickness occurs."""
     if all("spanwise_position" in entry for entry in entries):
         position = np.array([entry.number("spanwise_position", 0.0, 1.0) for entry in entries])
@@ -212,9 +210,7 @@ def _positions(
     return position
 
 
-def beam_tables(
-    node: Node, needed: tuple[str, ...]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+def beam_tables(node: Node, needed: tuple[str, ...]) -> tuple[Array, Array, dict[str, Array]]:
     """Read windIO's elastic properties on the union of both of its grids.
 
     Parameters
@@ -276,11 +272,11 @@ def _read_structure(node: Node, axis: _Axis, twist: PchipInterpolator) -> BeamSt
             f"{node.path}: K55 > K44 along the outer blade, so the matrices are read with x to the trailing edge and y "
             "to the suction side, as windIO's schema describes them"
         )
-    turn = rotation_about_z(-twist(grid))
-    return BeamStations(station=axis.s(grid), stiffness=_turn(turn, stiffness), inertia=_turn(turn, inertia))
+    angle = -twist(grid)
+    return BeamStations(axis.s(grid), turned(stiffness, angle), turned(inertia, angle))
 
 
-def _mend_flap_inertia(node: Node, tables: dict[str, NDArray[np.float64]]) -> None:
+def _mend_flap_inertia(node: Node, tables: dict[str, Array]) -> None:
     """Fill a flapwise inertia of nothing but zeros from the polar one, in place.
 
     Public files have, by a slip of the tool that wrote them, the edgewise inertia in the place of the product of
@@ -296,26 +292,18 @@ def _mend_flap_inertia(node: Node, tables: dict[str, NDArray[np.float64]]) -> No
     node.note("inertia_matrix.i_flap", note)
 
 
-def _chordwise_x(grid: NDArray[np.float64], stiffness: NDArray[np.float64]) -> bool:
+def _chordwise_x(grid: Array, stiffness: Array) -> bool:
     """Whether bending about x is the softer one over the outer 70 %, that is, whether x runs along the chord."""
     outer = np.linspace(0.3, 1.0, 71)
     about_x, about_y = (np.interp(outer, grid, stiffness[:, k, k]) for k in (3, 4))
     return bool(np.mean(np.log(about_x / about_y)) < 0.0)
 
 
-def _inertia(tables: dict[str, NDArray[np.float64]], x: str, y: str) -> NDArray[np.float64]:
+def _inertia(tables: dict[str, Array], x: str, y: str) -> Array:
     """Return the inertia (n, 6, 6) of tables whose centers of mass along x and y have these keys."""
     polar = tables["i_plr"] if np.any(tables["i_plr"]) else None
     mass, cm_x, cm_y, edge, flap, product = (tables[key] for key in ("mass", x, y, "i_edge", "i_flap", "i_cp"))
     return inertia_matrix(mass, cm_x, cm_y, edge, flap, product, polar)
-
-
-def _turn(rotation: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return R M R^T; equal infinite shear stiffnesses stay as they are under a turn in their plane."""
-    rigid = np.isinf(matrices)
-    turned = rotation @ np.where(rigid, 0.0, matrices) @ np.swapaxes(rotation, -1, -2)
-    turned = 0.5 * (turned + np.swapaxes(turned, -1, -2))
-    return np.where(rigid, np.inf, turned)
 
 
 def damping_ratio(node: Node, default: float) -> float:
@@ -328,7 +316,7 @@ def damping_ratio(node: Node, default: float) -> float:
     return node.part("structural_damping").number_or("damping_ratio", 0.0, 0.5, default, words)
 
 
-def require_straight(node: Node, points: NDArray[np.float64], length: float) -> None:
+def require_straight(node: Node, points: Array, length: float) -> None:
     """Require a vertical axis, from its x and y (n, 2) [m]."""
     if np.any(np.abs(points) > 1e-6 * length):
         raise TurbineDefinitionError(f"{node.path}: x and y must be 0, only vertical towers can be computed")
@@ -443,7 +431,7 @@ def _airfoil(node: Node, sets: list[tuple[Node, float]]) -> Airfoil:
         return Airfoil(node.text("name"), node.number("rthick", 1e-3, 1.0), contour, x, camber, cast(Polar, polar))
 
 
-def _contour(node: Node) -> NDArray[np.float64]:
+def _contour(node: Node) -> Array:
     """Return the contour (n, 2), suction side first, with x/c running from 0 to 1."""
     x = node.array("x")
     y = node.array("y", x.size)

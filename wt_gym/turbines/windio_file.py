@@ -26,11 +26,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.files import write_text_whole
 from wt_gym.base.options import shown
+from wt_gym.base.types import Array
 from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
 from wt_gym.turbines.checks import check_array, check_number, fail
 from wt_gym.turbines.windio_layouts import adopt_layout, to_version_2
@@ -124,11 +124,11 @@ class Node:
             raise fail(self.where(key), value, "a text")
         return value
 
-    def array(self, key: str, size: int | None = None) -> NDArray[np.float64]:
+    def array(self, key: str, size: int | None = None) -> Array:
         """Return a list of finite numbers, of a given length unless ``size`` is None."""
         return check_array(self.where(key), self._get(key, "a list of numbers"), size or "n")
 
-    def grid(self, key: str = "grid") -> NDArray[np.float64]:
+    def grid(self, key: str = "grid") -> Array:
         """Return a nondimensional grid that ascends from 0 (root, base) to 1 (tip, top)."""
         values = self._get(key, "a list of numbers from 0 to 1")
         grid = check_array(self.where(key), values, "n", low=0.0, high=1.0, ascending=2)
@@ -138,7 +138,7 @@ class Node:
         grid[0], grid[-1] = 0.0, 1.0
         return grid
 
-    def distribution(self, key: str, scale: float = 1.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def distribution(self, key: str, scale: float = 1.0) -> tuple[Array, Array]:
         """Return grid (n,) and values (n,) times ``scale`` of a quantity distributed along the component."""
         node = self.at(key, "a mapping with grid and values")
         grid = node.grid()

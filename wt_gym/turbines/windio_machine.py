@@ -17,9 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.types import Array
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Blade, Drivetrain, Hub, Nacelle, PitchSystem
 from wt_gym.turbines.variants import rotor_inertia_without_generator
@@ -165,9 +165,7 @@ def yaw_actuator(blade: Blade, hub: Hub, n_blades: int, overhang: float, nacelle
     return inertia * omega**2, 2.0 * _YAW_DAMPING * inertia * omega
 
 
-def _nacelle_body(
-    root: Node, machine: Machine, overhang: float, shaft_height: float
-) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+def _nacelle_body(root: Node, machine: Machine, overhang: float, shaft_height: float) -> tuple[float, Array, Array]:
     """Return mass, center of mass from the tower top (3,) and inertia about it (3, 3), estimated where missing."""
     body = root.part("components.drivetrain.elastic_properties")
     if body.gives("mass"):
@@ -204,7 +202,7 @@ def _yaw_mass(root: Node, machine: Machine) -> float:
     return mass
 
 
-def _tensor(body: Node) -> NDArray[np.float64]:
+def _tensor(body: Node) -> Array:
     values = body.array("inertia")
     if values.size not in (3, 6):
         raise fail(body.where("inertia"), values.tolist(), "xx, yy, zz and optionally xy, xz, yz [kg m^2]")
@@ -468,7 +466,7 @@ class Machine:
         """Return the mass of the yaw system [kg]."""
         return float(1.5 * 0.0009 * self.rotor_diameter**3.314)
 
-    def nacelle_center(self, overhang: float, shaft_height: float) -> NDArray[np.float64]:
+    def nacelle_center(self, overhang: float, shaft_height: float) -> Array:
         """Return the center of mass of a nacelle from the tower top (3,) [m].
 
         No published rule gives it. A geared machine has it a fifth of the overhang behind the yaw axis, in between the
@@ -479,7 +477,7 @@ class Machine:
         x = -0.45 * overhang if self.direct_drive else 0.2 * overhang
         return np.array([x, 0.0, 0.75 * shaft_height])
 
-    def nacelle_inertia(self, mass: float) -> NDArray[np.float64]:
+    def nacelle_inertia(self, mass: float) -> Array:
         """Return the inertia of a nacelle about its center of mass (3, 3) [kg m^2].
 
         Radii of gyration of 0.017 rotor diameters in pitch and yaw and 0.012 in roll: the means of the NREL 5-MW, NREL

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from wt_gym.base.files import whole_file
+from wt_gym.base.files import write_text_whole
+from wt_gym.base.types import Array
 from wt_gym.turbines.airfoil import Airfoil
 from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z
 from wt_gym.turbines.checks import fail
@@ -67,13 +67,11 @@ def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[P
     text.write("".join(f"# {' '.join(line.split())}\n" for line in lines))
     yaml.dump(content, text)
     written = [path]
-    with whole_file(path) as partial:
-        partial.write_text(text.getvalue(), encoding="utf-8")
+    write_text_whole(path, text.getvalue())
     numbers = _control_json(turbine, source)
     beside = control_file_of(path)
     if numbers or beside.exists():  # one of another turbine would count
-        with whole_file(beside) as partial:
-            partial.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
+        write_text_whole(beside, json.dumps(numbers, indent=1) + "\n")
         written.append(beside)
     return written
 
@@ -185,11 +183,8 @@ def _control(turbine: Turbine) -> dict[str, Any]:
 
 def _control_json(turbine: Turbine, source: str) -> dict[str, Any]:
     """Return the controller's known numbers under their names, and the turbine's that windIO does not hold."""
-    values: dict[str, Any] = {}
-    for item in dataclasses.fields(turbine.control) if turbine.control is not None else ():
-        value = getattr(turbine.control, item.name)
-        if value is not None:
-            values[item.name] = value.tolist() if isinstance(value, np.ndarray) else value
+    numbers = {} if turbine.control is None else turbine.control.as_dict(all_fields=True)
+    values = {name: value for name, value in numbers.items() if value is not None}
     own = {}
     for key, holds in OWN_FIELDS.items():
         part, _, name = key.rpartition(".")
@@ -247,11 +242,11 @@ def _yaw(nacelle: Nacelle) -> dict[str, Any]:
     return body | {"spring_constant": nacelle.yaw_spring, "damping_coefficient": nacelle.yaw_damper}
 
 
-def _table(grid: NDArray[np.float64], values: NDArray[np.float64]) -> dict[str, list[float]]:
+def _table(grid: Array, values: Array) -> dict[str, list[float]]:
     return {"grid": grid.tolist(), "values": values.tolist()}
 
 
-def _unit(station: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def _unit(station: Array, length: float) -> Array:
     """Return a grid from 0 to 1."""
     grid = station / length
     grid[0], grid[-1] = 0.0, 1.0
@@ -278,9 +273,9 @@ def _tower(tower: Tower) -> dict[str, Any]:
 
 def _sections(
     name: str,
-    grid: NDArray[np.float64],
-    stiffness: NDArray[np.float64],
-    inertia: NDArray[np.float64],
+    grid: Array,
+    stiffness: Array,
+    inertia: Array,
     damping: float,
 ) -> dict[str, Any]:
     """Return ``elastic_properties`` of section matrices (n, 6, 6) in the frame of the file."""
@@ -341,7 +336,7 @@ def _blade(blade: Blade, names: list[str]) -> dict[str, Any]:
     }
 
 
-def _blade_sections(blade: Blade, axis_grid: NDArray[np.float64], grid: NDArray[np.float64]) -> dict[str, Any]:
+def _blade_sections(blade: Blade, axis_grid: Array, grid: Array) -> dict[str, Any]:
     """Return the section matrices in frames turned by the twist, over windIO's grid."""
     s: BeamStations = blade.structure
     place = _invert(PchipInterpolator(axis_grid, blade.axis_station), s.station)
@@ -356,7 +351,7 @@ def _blade_sections(blade: Blade, axis_grid: NDArray[np.float64], grid: NDArray[
     return _sections("blade", place, stiffness, turn @ s.inertia @ back, blade.damping_ratio)
 
 
-def _invert(station: PchipInterpolator, at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _invert(station: PchipInterpolator, at: Array) -> Array:
     """Return the places of the grid (n,) at distances along the axis, by bisection of an ascending function."""
     low, high = np.zeros(at.size), np.ones(at.size)
     for _ in range(60):

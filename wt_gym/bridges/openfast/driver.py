@@ -24,7 +24,7 @@ from wt_gym.bridges.openfast.measurement import (
     servodyn_outputs,
 )
 from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
-from wt_gym.bridges.openfast.run_folder import BentTurbine, DriverRun, ServedController, prepare_run
+from wt_gym.bridges.openfast.run_folder import BentTurbine, RunTimes, ServedController, prepare_run
 from wt_gym.control.operating_point import starting_point
 from wt_gym.simulation.channels import channel_table
 from wt_gym.turbines import Turbine
@@ -105,8 +105,7 @@ def write_driver_run(
     start = BentTurbine(turbine).start(inflow, speed, np.full(turbine.n_blades, pitch), azimuth, 0.0)
     written = write_model(turbine, folder) if own is None else own
     primary = prepare_run(
-        written, folder, turbine, inflow, start, step, duration, controller, changes or {},
-        DriverRun(duration, interval),
+        written, folder, turbine, inflow, start, RunTimes(step, duration, interval), controller, changes or {}
     )  # fmt: skip
     if own is None:
         (folder / PRIMARY).unlink()  # model.fst takes its place

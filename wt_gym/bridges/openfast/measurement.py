@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.types import Array
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, view_from_tower
 from wt_gym.turbines.variants import electrical_power
@@ -14,7 +15,7 @@ from wt_gym.turbines.variants import electrical_power
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from wt_gym.turbines import Turbine
 
@@ -114,7 +115,7 @@ class Measurement:
         self._view, self._before, self._between = np.zeros(4), np.zeros((n, 4)), np.zeros(4)
         self._tips = np.zeros((n, 3))
 
-    def signals(self, signs: NDArray[np.float64] | None = None) -> Signals:
+    def signals(self, signs: Array | None = None) -> Signals:
         """A copy of the signals, multiplied by signs where a reflection wants that."""
         return Signals(self.values.copy() if signs is None else self.values * signs, self.turbine.n_blades)
 
@@ -123,18 +124,18 @@ class Measurement:
         """Speed of the generator on the low-speed shaft [rad/s]."""
         return float(self.values[self._place["generator_speed"]]) / self.turbine.drivetrain.gear_ratio
 
-    def aero_torque(self, row: NDArray[np.float64]) -> float:
+    def aero_torque(self, row: Array) -> float:
         """Moment of the air about the shaft [N m] in a row of outputs."""
         return float(row[self._column["rtaeromxh"]])
 
     def take(
         self,
         time: float,
-        rows: NDArray[np.float64],
+        rows: Array,
         torque: float,
-        command: NDArray[np.float64],
-        pitch_rate: NDArray[np.float64],
-        travel: NDArray[np.float64],
+        command: Array,
+        pitch_rate: Array,
+        travel: Array,
         accumulate: bool,
     ) -> None:
         """Take the outputs of all steps since the last sample.
@@ -199,7 +200,7 @@ class Measurement:
         put("tip_clearance", now)
         extreme("tip_clearance_min", least, np.minimum)
 
-    def _clearances(self, rows: NDArray[np.float64], first: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _clearances(self, rows: Array, first: bool) -> tuple[Array, Array]:
         """Signed clearance of each tip from the tower in the last row, and the least on the way through all rows."""
         n = self.turbine.n_blades
         least, now = np.full(n, np.inf), np.zeros(n)
@@ -216,7 +217,7 @@ class Measurement:
                 self._before[b] = self._view
         return now, least
 
-    def _place_tips(self, row: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _place_tips(self, row: Array) -> tuple[Array, Array]:
         """Place the tips in global axes [m]; the axis of the nacelle, downwind, and the tower top."""
         turbine, n = self.turbine, self.turbine.n_blades
         nacelle, blade, cone = turbine.nacelle, turbine.blade, turbine.hub.cone
@@ -236,7 +237,7 @@ class Measurement:
         return np.ascontiguousarray(turned[:, 0]), top
 
 
-def _about(axis: int, angle: float) -> NDArray[np.float64]:
+def _about(axis: int, angle: float) -> Array:
     """Rotation about an axis, 0 to 2 for x to z."""
     cos, sin = math.cos(angle), math.sin(angle)
     i, j = (axis + 1) % 3, (axis + 2) % 3

@@ -20,13 +20,14 @@ from scipy.linalg import eigh
 
 from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.types import Array
 from wt_gym.turbines.openfast_text import write_lines
 from wt_gym.turbines.variants import clockwise_image, rotor_inertia_without_generator
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from wt_gym.turbines import BeamStations, Polar, Turbine
 
@@ -461,7 +462,7 @@ def _table_angles(polar: Polar) -> np.ndarray:
     far = np.flatnonzero(~near)
     kept = far[:: max(1, far.size // (_POLAR_ROWS // 2))]
     chosen = np.unique(np.concatenate([[0, alpha.size - 1], np.flatnonzero(near), kept]))
-    table: NDArray[np.float64] = alpha[chosen]
+    table: Array = alpha[chosen]
     return table
 
 
@@ -488,44 +489,47 @@ _MOST_STATIONS = 60
 
 @dataclass(frozen=True)
 class BladeSections:
-    """ElastoDyn's blade, tables (n,)."""
+    """ElastoDyn's blade.
 
-    fraction: NDArray[np.float64]
-    """Along the blade, from 0 to 1 (BlFract)."""
-    twist: NDArray[np.float64]
-    """Of the axes of bending [rad] (StrcTwst)."""
-    mass: NDArray[np.float64]
-    """[kg/m]."""
-    flap: NDArray[np.float64]
-    """[N m²]."""
-    edge: NDArray[np.float64]
-    """[N m²]."""
-    flap_shapes: NDArray[np.float64]
-    """(2, 5)."""
-    edge_shape: NDArray[np.float64]
-    """(5,)."""
-    frequencies: NDArray[np.float64]
-    """Flap 1, flap 2, edge 1 of the blade without twist, turning at rated speed (3,) [Hz]."""
+    Attributes
+    ----------
+    fraction, twist, mass, flap, edge : ndarray (n,)
+        Place from 0 to 1 (BlFract), twist of the axes of bending [rad] (StrcTwst), mass [kg/m] and stiffness [N m²].
+    flap_shapes, edge_shape : ndarray (2, 5), (5,)
+    frequencies : ndarray (3,)
+        Flap 1, flap 2, edge 1 of the blade without twist, turning at rated speed [Hz].
+    """
+
+    fraction: Array
+    twist: Array
+    mass: Array
+    flap: Array
+    edge: Array
+    flap_shapes: Array
+    edge_shape: Array
+    frequencies: Array
 
 
 @dataclass(frozen=True)
 class TowerSections:
-    """ElastoDyn's tower, tables (n,)."""
+    """ElastoDyn's tower.
 
-    fraction: NDArray[np.float64]
-    """From the base to the top, 0 to 1 (HtFract)."""
-    mass: NDArray[np.float64]
-    """[kg/m]."""
-    fore_aft: NDArray[np.float64]
-    """[N m²]."""
-    side_side: NDArray[np.float64]
-    """[N m²]."""
-    fore_aft_shapes: NDArray[np.float64]
-    """(2, 5)."""
-    side_side_shapes: NDArray[np.float64]
-    """(2, 5)."""
-    frequencies: NDArray[np.float64]
-    """Fore-aft 1, 2 and side-side 1, 2 under a rigid rotor and nacelle (4,) [Hz]."""
+    Attributes
+    ----------
+    fraction, mass, fore_aft, side_side : ndarray (n,)
+        Place from 0 to 1 (HtFract), mass [kg/m] and stiffness [N m²].
+    fore_aft_shapes, side_side_shapes : ndarray (2, 5)
+    frequencies : ndarray (4,)
+        Fore-aft 1, 2 and side-side 1, 2 under a rigid rotor and nacelle [Hz].
+    """
+
+    fraction: Array
+    mass: Array
+    fore_aft: Array
+    side_side: Array
+    fore_aft_shapes: Array
+    side_side_shapes: Array
+    frequencies: Array
 
 
 def blade_sections(turbine: Turbine) -> BladeSections:
@@ -569,7 +573,7 @@ def tower_sections(turbine: Turbine) -> TowerSections:
     return TowerSections(station / tower.length, mass, fore_aft, side_side, first, second, frequencies)
 
 
-def bending_matrices(structure: BeamStations, station: NDArray[np.float64]) -> NDArray[np.float64]:
+def bending_matrices(structure: BeamStations, station: Array) -> Array:
     """Stiffness (n, 2, 2) against curvatures about x and y of sections without axial force and torque [N m²]."""
     stiffness = structure.stiffness_at(station)
     if structure.shear_rigid:
@@ -577,9 +581,7 @@ def bending_matrices(structure: BeamStations, station: NDArray[np.float64]) -> N
     return np.linalg.inv(np.linalg.inv(stiffness)[:, 3:5, 3:5])
 
 
-def _principal(
-    bending: NDArray[np.float64], along: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _principal(bending: Array, along: Array) -> tuple[Array, Array, Array]:
     """Flapwise and edgewise stiffness and the angle of their axes, the one next to the twist of the chord."""
     xx, xy, yy = bending[:, 0, 0], bending[:, 0, 1], bending[:, 1, 1]
     mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
@@ -609,13 +611,13 @@ def _top_body(turbine: Turbine) -> TopBody:
     return TopBody(float(mass), float(height), float(about))
 
 
-def _from_the_end(x: NDArray[np.float64], density: NDArray[np.float64]) -> NDArray[np.float64]:
+def _from_the_end(x: Array, density: Array) -> Array:
     """Integral of a density from each point to the end, exact for one that is linear between the points."""
     parts = 0.5 * (density[1:] + density[:-1]) * np.diff(x)
     return np.append(np.cumsum(parts[::-1])[::-1], 0.0)
 
 
-def _thinned(points: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def _thinned(points: Array, length: float) -> Array:
     """Stations of a table, no more than ElastoDyn's tables comfortably hold, from 0 to the length."""
     points = np.unique(np.round(points, 9))
     if points.size > _MOST_STATIONS:
@@ -648,7 +650,7 @@ def bending_shapes(
     *,
     pull: ArrayLike | None = None,
     top: TopBody | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Lowest modes of a clamped Euler-Bernoulli beam in the space of ElastoDyn's polynomials.
 
     The modes are those of the Rayleigh-Ritz method with the functions x², …, x⁶, x = s/L: the best that ElastoDyn can
@@ -697,6 +699,6 @@ def bending_shapes(
     return shapes / shapes.sum(axis=1, keepdims=True), np.sqrt(np.maximum(squares[:count], 0.0)) / (2.0 * np.pi)
 
 
-def _product(functions: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+def _product(functions: Array, weight: Array) -> Array:
     """Integrals of the products of functions (n_points, n) with weights (n_points,)."""
     return functions.T @ (weight[:, None] * functions)

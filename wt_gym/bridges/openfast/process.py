@@ -14,18 +14,16 @@ import sys
 import sysconfig
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wt_gym.base.child_process import ChildEndedError, ChildFailedError, ChildProcess
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.types import Array
 from wt_gym.base.user_cache import user_cache
 from wt_gym.bridges.compiler import CompilerError, compile_library, library_name
 from wt_gym.bridges.openfast import worker
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _LAST_WORDS = 600
 """Characters of OpenFAST's output that a message shows."""
@@ -58,13 +56,13 @@ class OpenFASTProcess:
         At time zero.
     """
 
-    def __init__(self, library: Path, model: Path, relay: Path | None, demands: NDArray[np.float64], log: Path):
+    def __init__(self, library: Path, model: Path, relay: Path | None, demands: Array, log: Path):
         self._child = ChildProcess(Path(worker.__file__), (), log, model.parent)
         start = str(library), str(model), None if relay is None else str(relay), demands.tolist()
         self.step, self.names, outputs = self._ask("start", *start)
         self.outputs = np.frombuffer(outputs)
 
-    def advance(self, demands: NDArray[np.float64]) -> NDArray[np.float64]:
+    def advance(self, demands: Array) -> Array:
         """Advance by one step of OpenFAST for each row of demands (n, 6); outputs (n, n_outputs)."""
         rows = self._ask("advance", demands.ravel().tolist())
         return np.frombuffer(rows).reshape(len(demands), len(self.names))

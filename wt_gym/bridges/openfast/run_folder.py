@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
+from wt_gym.base.types import Array
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
 from wt_gym.bridges.openfast.model import POWERS, blade_sections, tower_sections
 from wt_gym.bridges.openfast.wind import write_wind
@@ -26,8 +27,6 @@ from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
 
     from wt_gym.bridges.openfast.wind import PointLidar
     from wt_gym.turbines import Turbine
@@ -53,7 +52,7 @@ class RunStart:
     rotor_speed: float
     azimuth: float
     yaw: float
-    pitch: NDArray[np.float64]
+    pitch: Array
     """(n_blades,)."""
     tower_top: tuple[float, float]
     """Displacement of the tower top along global x and y [m]."""
@@ -74,13 +73,15 @@ class ServedController:
 
 
 @dataclass(frozen=True)
-class DriverRun:
-    """Times of a run by OpenFAST's driver."""
+class RunTimes:
+    """Times of a run."""
 
+    step: float
+    """Of OpenFAST [s]."""
     duration: float
-    """[s]."""
-    interval: float
-    """Between the rows of its outputs [s]."""
+    """Time that the wind must last, and OpenFAST's driver runs [s]."""
+    interval: float | None = None
+    """Between the rows of the driver's outputs [s]; None: the library runs it, which hands over outputs itself."""
 
 
 def prepare_run(
@@ -89,11 +90,9 @@ def prepare_run(
     turbine: Turbine,
     inflow: Inflow,
     start: RunStart,
-    step: float,
-    duration: float,
+    times: RunTimes,
     controller: ServedController | None,
     changes: Mapping[str, Mapping[str, Any]],
-    driver: DriverRun | None = None,
 ) -> Path:
     """Write the files of a run beside each other.
 
@@ -107,16 +106,10 @@ def prepare_run(
         Primary file of the model.
     folder : Path
         That is there.
-    step : float
-        Of OpenFAST [s].
-    duration : float
-        Time that the wind must last [s].
     controller : ServedController or None
         Gives the demands; None: they are inputs of ServoDyn.
     changes : mapping
         Further values by module and keyword.
-    driver : DriverRun, optional
-        OpenFAST's driver runs it; by default the library does, which hands over the outputs itself.
 
     Returns
     -------
@@ -133,27 +126,27 @@ def prepare_run(
     files = {name: primary.file(key) for name, key in MODULES.items()}
     _require_turbine(model, files["ElastoDyn"], turbine)
     if model.parent.resolve() != folder.resolve():
-        if driver is None:
+        if times.interval is None:
             for file in (primary, *files.values()):
                 file.resolve_paths()
         else:
             primary.set_all(dict.fromkeys((*MODULES.values(), "InflowFile"), _REPLACED))  # the run has its own
             files["ServoDyn"].set_all(dict.fromkeys(("DLL_FileName", "DLL_InFile"), _REPLACED))
             copy_named_files((primary, *files.values()), folder)
-    _set_primary(primary, step, driver)
+    _set_primary(primary, times)
     _set_elastodyn(files["ElastoDyn"], turbine.n_blades, start)
     _set_servodyn(files["ServoDyn"], start, controller)
-    files["ServoDyn"].set_outputs(() if driver is None else servodyn_outputs(turbine.n_blades))
+    files["ServoDyn"].set_outputs(() if times.interval is None else servodyn_outputs(turbine.n_blades))
     for name, key in _STEPS.items():
         file = files[name]
-        if not file.is_default(key) and not _divides(file.number(key), step):
+        if not file.is_default(key) and not _divides(file.number(key), times.step):
             file.set(key, None)
     files["AeroDyn"].set_outputs(AERODYN_OUTPUTS)
-    inflow_file = InputFile(write_wind(inflow, turbine, folder, duration, start.yaw))
+    inflow_file = InputFile(write_wind(inflow, turbine, folder, times.duration, start.yaw))
     inflow_file.set_outputs(INFLOW_OUTPUTS)
     if controller is not None and controller.lidar is not None:
         hub = _hub(files["ElastoDyn"])
-        inflow_file.set_all(controller.lidar.inputs(hub, turbine.hub_height, step))
+        inflow_file.set_all(controller.lidar.inputs(hub, turbine.hub_height, times.step))
     inflow_file.write(inflow_file.path)
     primary.set("InflowFile", inflow_file.path.name)
     for name, key in MODULES.items():
@@ -162,7 +155,7 @@ def prepare_run(
         (primary if name == "OpenFAST" else files[name]).set_all(values)
     for name, file in files.items():
         file.write(folder / f"{name.lower()}.dat")
-    path = folder / ("run.fst" if driver is None else "model.fst")
+    path = folder / ("run.fst" if times.interval is None else "model.fst")
     primary.write(path)
     return path
 
@@ -187,13 +180,13 @@ def _divides(part: float, step: float) -> bool:
     return part > 0.0 and abs(step / part - round(step / part)) < 1e-6 and round(step / part) >= 1
 
 
-def _set_primary(file: InputFile, step: float, driver: DriverRun | None) -> None:
-    fixed = {"DT": step, "AbortLevel": "FATAL", "OutFileFmt": 1, "ChkptTime": _FOREVER}
+def _set_primary(file: InputFile, run: RunTimes) -> None:
+    fixed = {"DT": run.step, "AbortLevel": "FATAL", "OutFileFmt": 1, "ChkptTime": _FOREVER}
     file.set_all(fixed | {"Linearize": False, "WrVTK": 0, "SumPrint": False})
-    if driver is None:  # outputs come through the library; a file of them is not needed
+    if run.interval is None:  # outputs come through the library; a file of them is not needed
         file.set_all({"TMax": _FOREVER, "DT_Out": None, "TStart": _FOREVER, "SttsTime": _FOREVER})
     else:
-        times = {"TMax": driver.duration, "DT_Out": driver.interval, "TStart": 0.0, "SttsTime": _STATUS}
+        times = {"TMax": run.duration, "DT_Out": run.interval, "TStart": 0.0, "SttsTime": _STATUS}
         file.set_all({**times, "OutFmt": "ES15.7E2"})
 
 
@@ -314,10 +307,10 @@ class BentTurbine:
         self,
         inflow: Inflow,
         rotor_speed: float,
-        pitch: NDArray[np.float64],
+        pitch: Array,
         azimuth: float,
         yaw: float,
-        tower_top: NDArray[np.float64] | None = None,
+        tower_top: Array | None = None,
     ) -> RunStart:
         """Start of a run in a wind.
 

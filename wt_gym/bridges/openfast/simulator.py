@@ -13,10 +13,11 @@ import numpy as np
 from scipy.linalg import expm
 
 from wt_gym.base.errors import ActionError, SimulationError
+from wt_gym.base.types import Array
 from wt_gym.bridges.openfast.measurement import Measurement
 from wt_gym.bridges.openfast.model import steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.process import OpenFASTProcess, find_library, relay_library
-from wt_gym.bridges.openfast.run_folder import BentTurbine, ServedController, prepare_run
+from wt_gym.bridges.openfast.run_folder import BentTurbine, RunTimes, ServedController, prepare_run
 from wt_gym.bridges.openfast.wind import repeats
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
@@ -32,7 +33,7 @@ from wt_gym.wind.inflow import require_cover
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from wt_gym.simulation import Fidelity
     from wt_gym.simulation.drivetrain.faults import DriveFault
@@ -260,7 +261,7 @@ class OpenFASTSimulator:
         felt = MirroredInflow.of(self.inflow) if self.mirrored else self.inflow
         try:
             primary = prepare_run(
-                self.model, self._folder, self._image, felt, start, self.openfast_step, self._duration,
+                self.model, self._folder, self._image, felt, start, RunTimes(self.openfast_step, self._duration),
                 None if self._relay is None else ServedController(str(self._relay), self._relay.name), self._changes,
             )  # fmt: skip
             demands = self._demands(angles[None, :], command[TORQUE], yaw, 0.0)
@@ -330,16 +331,14 @@ class OpenFASTSimulator:
             measurement.take(self.time, rows, command.item(0), command[PITCH], self._path.rate, travel, going_on)
         return self.signals
 
-    def _demands(
-        self, pitch: NDArray[np.float64], torque: NDArray[np.float64], yaw: float | NDArray[np.float64], yaw_rate: float
-    ) -> NDArray[np.float64]:
+    def _demands(self, pitch: Array, torque: Array, yaw: float | Array, yaw_rate: float) -> Array:
         """Rows of demands for the process (n, 6) of angles (n, n_blades) and what goes with them."""
         rows = np.zeros((len(pitch), 6))
         rows[:, : pitch.shape[1]] = pitch
         rows[:, 3], rows[:, 4], rows[:, 5] = torque, yaw, yaw_rate
         return rows
 
-    def tower_top(self) -> NDArray[np.float64]:
+    def tower_top(self) -> Array:
         """Displacement of the tower top along and across the nacelle [m] and, unknown here, rates of zero (4,)."""
         signals = self.signals
         return np.array([signals["tower_top_fore_aft"], signals["tower_top_side_side"], 0.0, 0.0])
@@ -416,11 +415,11 @@ class PitchPath:
             self._servo = expm(system * (step / count))
         self.angle = self.rate = self._command = np.zeros(0)
 
-    def start(self, pitch: NDArray[np.float64]) -> None:
+    def start(self, pitch: Array) -> None:
         """Stand at an angle for each blade (n_blades,) [rad]."""
         self.angle, self._command, self.rate = pitch.copy(), pitch.copy(), np.zeros(pitch.size)
 
-    def follow(self, command: NDArray[np.float64]) -> NDArray[np.float64]:
+    def follow(self, command: Array) -> Array:
         """Follow the commands (n_blades,) [rad] through a step; the angles (count, n_blades) at OpenFAST's steps."""
         required = (command - self._command) / self._step
         if self._servo is None:

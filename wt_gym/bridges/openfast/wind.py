@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import InflowError
+from wt_gym.base.types import Array
 from wt_gym.bridges.openfast.model import write_inflow
 from wt_gym.control.sensors import Lidar
 from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulentInflow
@@ -230,12 +231,12 @@ class PointLidar(Lidar):
         return len(self.ranges) * self.n_beams <= MOST_POINTS
 
     @cached_property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> Array:
         """Places from the tower axis at hub height, gate after gate [m], shape (n_points, 3)."""
         return np.concatenate(self._by_gate)
 
     @cached_property
-    def _by_gate(self) -> tuple[NDArray[np.float64], ...]:
+    def _by_gate(self) -> tuple[Array, ...]:
         """Places of the points of each gate."""
         n, spread = len(self.ranges), math.tan(self.half_angle)
         places = []
@@ -250,9 +251,7 @@ class PointLidar(Lidar):
             places.append((distance * np.array(row).T).round(_DIGITS) + 0.0)
         return tuple(places)
 
-    def read(
-        self, inflow: Inflow, time: float, yaw: float, height: float, rotation: str = "clockwise"
-    ) -> NDArray[np.float64]:
+    def read(self, inflow: Inflow, time: float, yaw: float, height: float, rotation: str = "clockwise") -> Array:
         """Measure: magnitude of the wind, of each beam or mean over the points of a gate, shape (n_readings,) [m/s].
 
         Parameters
@@ -269,7 +268,7 @@ class PointLidar(Lidar):
         velocity = np.asarray(inflow.velocity(self.points + np.array([0.0, 0.0, height]), time))
         speeds, ends = np.linalg.norm(velocity, axis=-1), np.cumsum([len(places) for places in self._by_gate])
         if self.apart:
-            by_gate: NDArray[np.float64] = speeds.reshape(len(self.ranges), self.n_beams)
+            by_gate: Array = speeds.reshape(len(self.ranges), self.n_beams)
             return by_gate[:, self._beam_order(rotation)].ravel()
         return np.array([part.mean() for part in np.split(speeds, ends[:-1])])
 

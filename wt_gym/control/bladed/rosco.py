@@ -309,10 +309,8 @@ class RoscoController(BladedController):
 
     Raises
     ------
-    wt_gym.base.errors.ControllerError
-        If the package ``rosco`` is not installed.
-    FileNotFoundError
-        If there is no such input file.
+    wt_gym.base.errors.ControllerError, FileNotFoundError
+        If the package ``rosco`` is not installed; if there is no such input file.
     """
 
     def __init__(self, turbine: Turbine, **parameters: Any) -> None:

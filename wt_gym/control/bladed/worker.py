@@ -8,15 +8,7 @@ FAILURES = ()
 
 
 class Controller:
-    """A library and its function.
-
-    Parameters
-    ----------
-    path : str
-        Of the library.
-    name : str
-        Of its function.
-    """
+    """A library and its function."""
 
     def __init__(self, path: str, name: str):
         self._function = getattr(ctypes.CDLL(path), name)

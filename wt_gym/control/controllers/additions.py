@@ -21,7 +21,7 @@ Bossanyi et al., Energy Procedia 35 (2013) 177).
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -144,7 +144,6 @@ class ResidualPitch:
 
     Parameters
     ----------
-    fade : AboveRated or None
     washout : float or None
         tau [s].
     n_mean : int
@@ -236,27 +235,17 @@ class IndividualPitchOptions(Options):
     fade: bool | float | FadeParameters = fade_option()
 
 
-@option_record
-class HarmonicPitchParameters(Options):
+@dataclass(frozen=True)
+class HarmonicPitchParameters:
     """Constants of the control of one harmonic."""
 
-    title = "harmonic_pitch"
-
-    harmonic: int = option("1 or 2, in revolutions", default=1, low=1, high=2)
-    integral_gain: float = option("from moment to rate of pitch", default=0.0, unit="rad/(N m s)", low=0.0)
-    proportional_gain: float = option("from moment to pitch", default=0.0, unit="rad/(N m)", low=0.0)
-    level: float = option(
-        "moment (2-norm of tilt and yaw) up to which nothing is done; zero drives the moment to zero", default=0.0,
-        unit="N m", low=0.0,
-    )  # fmt: skip
-    leak: float = option(
-        "rate at which the pitch returns while the moment is inside a band; without a band it is not used", default=0.0,
-        unit="1/s", low=0.0,
-    )  # fmt: skip
-    limit: float = option("largest amplitude", default=math.radians(4.0), unit="rad", low=0.0)
-    rate_limit: float = option(
-        "largest rate of the amplitude in the fixed frame", default=math.radians(1.5), unit="rad/s", low=0.0
-    )
+    harmonic: int = 1  #: 1 or 2, in revolutions
+    integral_gain: float = 0.0  #: from moment to rate of pitch [rad/(N m s)]
+    proportional_gain: float = 0.0  #: from moment to pitch [rad/(N m)]
+    level: float = 0.0  #: moment (2-norm of tilt and yaw) up to which nothing is done [N m]
+    leak: float = 0.0  #: rate at which the pitch returns while the moment is inside a band [1/s]
+    limit: float = math.radians(4.0)  #: largest amplitude [rad]
+    rate_limit: float = math.radians(1.5)  #: largest rate of the amplitude in the fixed frame [rad/s]
 
 
 class HarmonicPitch:
@@ -333,11 +322,6 @@ class IndividualPitch:
     **parameters
         Of `IndividualPitchOptions`.
 
-    Attributes
-    ----------
-    harmonics : tuple of HarmonicPitch
-    share : float
-        In which it acts at the moment.
     """
 
     def __init__(self, turbine: Turbine, **parameters: Any):

@@ -211,15 +211,7 @@ class FaultSupervisor(Combined):
         return RepairedReadings(signals, repaired) if repaired else signals
 
     def with_agent(self, base: Demand, demand: Demand) -> Demand:
-        """A demand in which an agent acts on top of this controller, in as far as its individual pitch may.
-
-        Parameters
-        ----------
-        base : Demand
-            Of this controller.
-        demand : Demand
-            With what the agent adds.
-        """
+        """A demand of an agent on top of that of this controller, in as far as its individual pitch may act."""
         if self.share == 1.0:
             return demand
         added = np.asarray(demand.pitch) - base.pitch

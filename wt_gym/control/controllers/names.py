@@ -278,10 +278,8 @@ def compiled_files(choice: str, parameters: Mapping[str, Any]) -> tuple[Path, ..
 
     Raises
     ------
-    ValueError
-        See `make_controller`.
-    wt_gym.base.errors.ControllerError
-        If the package ``rosco`` is needed and not installed.
+    ValueError, wt_gym.base.errors.ControllerError
+        See `make_controller`; if the package ``rosco`` is needed and not installed.
     """
     parts = _parts(choice)
     values = _distribute(parts, parameters)
@@ -350,10 +348,9 @@ def parse_name(
 
     Raises
     ------
-    ValueError
-        If it is none of them, with what is allowed and what is near; or if parameters are malformed.
-    FileNotFoundError
-        If it looks like a path, and nothing is there.
+    ValueError, FileNotFoundError
+        If it is none of them, with what is allowed and what is near, or if parameters are malformed; if it looks like a
+        path, and nothing is there.
 
     Examples
     --------
@@ -604,11 +601,6 @@ def make_controller(
         Of the parts, see `declared_parameters`. One that belongs to several parts of the name is told apart by the
         name of the part and two underscores: ``ipc__limit=0.05``. For a class or function they are its keyword
         arguments.
-
-    Returns
-    -------
-    Controller
-        Not started.
 
     Raises
     ------

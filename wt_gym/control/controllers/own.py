@@ -172,10 +172,8 @@ def own_controller(turbine: Turbine, **parameters: Any) -> Controller:
 
     Raises
     ------
-    wt_gym.base.errors.ControllerError
-        If the closed loop is unstable.
-    ValueError
-        For parameters that say the same.
+    wt_gym.base.errors.ControllerError, ValueError
+        If the closed loop is unstable; for parameters that say the same.
     """
     o, made = OwnOptions(**parameters), own_parameters(turbine, **parameters)
     check_speed_loop(turbine, made)

@@ -148,12 +148,9 @@ class Supervisor:
 
     Raises
     ------
-    ValueError
-        If the generator is a damper, which takes no torque.
-    wt_gym.base.errors.ControllerError
-        If the winds do not fit each other.
-    TypeError
-        If the base is none whose pitch can be shifted.
+    ValueError, wt_gym.base.errors.ControllerError, TypeError
+        For a damper as generator, which takes no torque; winds that do not fit each other; a base whose pitch cannot be
+        shifted.
     """
 
     def __init__(self, turbine: Turbine, base: Controller, **parameters: Any):
