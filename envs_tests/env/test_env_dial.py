@@ -99,7 +99,7 @@ def test_the_dial_is_turned_from_the_next_observation_on(scripted):
 
 def test_a_relative_reward_needs_one_record_for_all_dials(tmp_path, monkeypatch):
     """Recorded by term: what the controller alone earns is taken off before the factors."""
-    monkeypatch.setattr(reward_store, "user_cache", lambda: tmp_path)
+    monkeypatch.setattr(reward_store, "cached_file", tmp_path.joinpath)
     reward_store._courses.clear()
     arguments = {"start": "steady", "starts": 2, "wind_seeds": (1,), "max_episode_steps": 12}
     keys, paid = set(), []

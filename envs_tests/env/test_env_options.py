@@ -28,7 +28,6 @@ from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.wind_sampler import WindOptions
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.contract import TurbineSimulator
-from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 TASK = "wt_gym/LoadReduction-v2"
@@ -55,7 +54,6 @@ def test_all_options_have_a_form_in_json():
     ("group", "name"),
     [
         (RewardOptions(terms=["power", lambda step: 0.0]), r"rewards.terms\[1\]"),
-        (EnvOptions(turbine=load_turbine("nrel_5mw")), "environment.turbine"),
         (EnvOptions(wind=WindOptions(inflow=lambda rng: SteadyInflow(9.0))), "wind.inflow"),
     ],
 )

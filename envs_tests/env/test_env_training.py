@@ -264,7 +264,7 @@ def copied(finished, tmp_path):
         ("vecnormalize.pkl", pickle.dumps([1, 2]), "holds no statistics"),
         ("training.json", None, "training.json is damaged"),
         ("training.json", b"\xff\xfe", "training.json is damaged"),
-        ("training.json", b"[1]", "names no algorithm"),
+        ("training.json", b"{}", "names no algorithm"),
         ("training.json", b'{"algorithm": "XYZ"}', "algorithm must be one of"),
         ("training.json", b'{"algorithm": "SAC"}', "is not a model of SAC"),
     ],

@@ -25,7 +25,7 @@ ARGUMENTS = {
 @pytest.fixture(autouse=True)
 def _cache(tmp_path, monkeypatch):
     """A cache of rewards on disk that is empty, and nothing in memory; turbulence stays where it is."""
-    monkeypatch.setattr(reward_store, "user_cache", lambda: tmp_path)
+    monkeypatch.setattr(reward_store, "cached_file", tmp_path.joinpath)
     reward_store._courses.clear()
     yield
     reward_store._courses.clear()
@@ -231,7 +231,7 @@ def test_a_file_that_is_not_sound_is_recorded_again(damage, tmp_path, caplog):
     reward_store._courses.clear()
     env = WindTurbineEnv(**ARGUMENTS)
     assert episode(env) == expected
-    assert "they are recorded again" in caplog.text
+    assert "is unreadable" in caplog.text
     env.close()
     reward_store._courses.clear()
     assert len(reward_store.kept_course(path.stem, tuple(expected[0][1]))) == 20
