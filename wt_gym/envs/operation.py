@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -92,7 +91,7 @@ def simulator_maker(
         return make_simulator
     if pictured:
         raise ValueError("OpenFAST gives no shapes for pictures: render_mode must be None with it")
-    from wt_gym.bridges.openfast import find_library  # not needed without it
+    from wt_gym.bridges.openfast import OpenFASTSimulator, find_library  # not needed without it
     from wt_gym.bridges.openfast.simulator import OPTIONS
 
     if unknown := sorted(set(options) - set(OPTIONS)):
@@ -100,22 +99,13 @@ def simulator_maker(
     options["openfast_library"] = find_library(options.get("openfast_library"))
     if isinstance(turbine, str) and turbine.lower().endswith(".fst"):
         options.setdefault("model", turbine)
-    return partial(_openfast, options, longest)
 
+    def make(turbine: Turbine, inflow: Inflow, fidelity: str | Fidelity) -> TurbineSimulator:
+        duration = longest()  # the wind lasts as long as episodes do
+        lasting = {} if duration is None else {"duration": duration}
+        return OpenFASTSimulator(turbine, inflow, fidelity, **lasting | options)
 
-def _openfast(
-    options: dict[str, Any],
-    longest: Callable[[], float | None],
-    turbine: Turbine,
-    inflow: Inflow,
-    fidelity: str | Fidelity,
-) -> TurbineSimulator:
-    """OpenFAST for a turbine; its wind lasts as long as episodes do."""
-    from wt_gym.bridges.openfast import OpenFASTSimulator
-
-    duration = longest()
-    lasting = {} if duration is None else {"duration": duration}
-    return OpenFASTSimulator(turbine, inflow, fidelity, **lasting | options)
+    return make
 
 
 def _no_instruments(_: object) -> None:
