@@ -517,10 +517,10 @@ def test_offsets_are_the_filtered_past_times_the_gains(turbine):
 
 
 def test_designs_are_blended_by_the_slow_pitch(turbine):
-    both = made_design(responses=np.zeros((2, 6, 3, 12)), rate_limit=100.0)
+    both = made_design(knots=(0.1, 0.3), responses=np.zeros((2, 6, 3, 12)), rate_limit=100.0)
     designs = [both, *(free_design(gains=both.gains[k : k + 1]) for k in range(2))]
     first = [driven(LinearOptimalPitch(turbine, one), drawn_disturbances(3), NONE)[0][:, 0] for one in designs]
-    np.testing.assert_allclose(first[0], 0.5 * (first[1] + first[2]), atol=1e-12)
+    np.testing.assert_allclose(first[0], 0.75 * first[1] + 0.25 * first[2], atol=1e-12)
 
 
 def test_a_finer_step_decides_as_often(turbine):
