@@ -121,7 +121,7 @@ def test_the_dial_is_turned_from_the_next_observation_on(shaken):
 
 def test_a_relative_reward_needs_one_record_for_all_dials(tmp_path, monkeypatch):
     """Recorded by term: what the controller alone earns is taken off before the factors."""
-    monkeypatch.setattr(reward_store, "user_cache", lambda: tmp_path)
+    monkeypatch.setattr("wt_gym.base.user_cache.user_cache", lambda: tmp_path)
     reward_store._courses.clear()
     arguments = {"start": "steady", "starts": 2, "wind_seeds": (1,), "max_episode_steps": 12}
     keys, paid = set(), []

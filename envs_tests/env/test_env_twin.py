@@ -25,7 +25,7 @@ ARGUMENTS = {
 @pytest.fixture(autouse=True)
 def _cache(tmp_path, monkeypatch):
     """A cache of rewards on disk that is empty, and nothing in memory; turbulence stays where it is."""
-    monkeypatch.setattr(reward_store, "user_cache", lambda: tmp_path)
+    monkeypatch.setattr("wt_gym.base.user_cache.user_cache", lambda: tmp_path)
     reward_store._courses.clear()
     yield
     reward_store._courses.clear()

@@ -395,7 +395,7 @@ def test_the_twin_has_the_same_plant_and_sensors():
 
 
 def test_numbered_beginnings_have_their_variation_and_a_twin_that_is_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(reward_store, "user_cache", lambda: tmp_path)
+    monkeypatch.setattr("wt_gym.base.user_cache.user_cache", lambda: tmp_path)
     reward_store._courses.clear()
     env = make(variation=FEW, relative_reward=True, starts=4, control_dt=0.1, reward={"power": 1.0})
     drawn = [

@@ -56,7 +56,6 @@ __all__ = [
     "add_options",
     "as_pair",
     "as_tuple",
-    "check_duration",
     "check_flag",
     "check_mapping",
     "check_names",
@@ -709,26 +708,6 @@ def check_number(name: str, value: Any, unit: str = "", *, finite: bool = True) 
     if found is None or (finite and not math.isfinite(found)):
         kind = "a finite number" if finite else "a number"
         raise ValueError(f"{name} must be {kind}{f' in {unit}' if unit else ''}, got {shown(value)}")
-    return found
-
-
-def check_duration(name: str, value: Any, least: float = 0.0) -> float:
-    """Return a time that can be simulated: a number of ``least`` to `LONGEST` [s].
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-    least : float
-
-    Raises
-    ------
-    ValueError
-    """
-    found = real_number(value)
-    if found is None or not least <= found <= LONGEST:
-        raise ValueError(f"{name} must lie between {least:g} and {LONGEST:g} s, got {shown(value)}")
     return found
 
 

@@ -122,7 +122,7 @@ class Course:
                 rows, ended = np.array(self._numbers).reshape(-1, len(self.names)), self.ended
             if len(rows) <= self._kept:
                 return
-            table = {"names": np.array(self.names), "rows": rows, "ended": np.array(ended)}
+            table: dict[str, Any] = {"names": np.array(self.names), "rows": rows, "ended": ended}
             if write_cached("rewards", path, lambda file: write_whole(file, lambda opened: np.savez(opened, **table))):
                 self._kept = len(rows)
                 _tidy(path.parent.parent)
