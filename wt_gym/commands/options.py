@@ -6,13 +6,14 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.base.options import add_options, chosen_options, named_value
+from wt_gym.base.options import add_options, chosen_options, named_value, options_of
 from wt_gym.commands.program import FIDELITIES_HELP, folder_path, json_value
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from wt_gym.base.options import Options
     from wt_gym.deployment.export.openfast_flight import Scene
     from wt_gym.experiment.evaluation import EvaluationConfig
     from wt_gym.experiment.execute import Executor
@@ -121,6 +122,12 @@ def add_climate(parser: argparse.ArgumentParser) -> None:
     climate = parser.add_argument_group("wind climate, for loads over a life")
     add_options(climate.add_mutually_exclusive_group(), ClimateOptions, "iec_class", "mean_wind_speed")
     add_options(climate, ClimateOptions, "weibull_shape")
+
+
+def with_record(arguments: argparse.Namespace, record: type[Options]) -> None:
+    """Check the options of a record, and give the arguments its fields."""
+    made = record(**chosen_options(arguments, record))
+    vars(arguments).update({one.name: getattr(made, one.name) for one in options_of(record)})
 
 
 def climate_of(arguments: argparse.Namespace) -> ClimateOptions:

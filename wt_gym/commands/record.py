@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 import re
 import time
+from itertools import count
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.options import add_shared
@@ -21,7 +22,7 @@ from wt_gym.commands.program import FIDELITIES_HELP, IN_CLONE
 
 if TYPE_CHECKING:
     import argparse
-    from pathlib import Path
+    from collections.abc import Callable
 
     from wt_gym.envs.record_store import RecordedTurbine
 
@@ -52,16 +53,20 @@ def run(arguments: argparse.Namespace) -> None:
     """Make the records."""
     os.environ["OMP_NUM_THREADS"] = "1"  # of the processes
     from wt_gym.base.canary import package_digest
-    from wt_gym.envs.record_store import FOLDER, make_record
+    from wt_gym.envs.record_store import FOLDER, make_record, user_folder
     from wt_gym.experiment.execute import clock
 
     version = package_digest()[:16]
     records = _of_package(arguments.turbines) if arguments.package else _of_user(arguments)
-    folder = FOLDER if arguments.package else _user_folder()
+    user = user_folder()
+    if user is None:
+        raise OSError("there is no cache of the user for records: set WT_GYM_CACHE to a folder")
+    user.mkdir(parents=True, exist_ok=True)
+    folder = FOLDER if arguments.package else user
     began = time.monotonic()
     for number, (name, recorded) in enumerate(records.items(), 1):
-        path, pieces = folder / f"{name}.npz", _user_folder() / "runs" / version / recorded.key
-        make_record(recorded, path, pieces, arguments.jobs, _Report(f"record {number}/{len(records)}, {name}"))
+        path, pieces = folder / f"{name}.npz", user / "runs" / version / recorded.key
+        make_record(recorded, path, pieces, arguments.jobs, _report(f"record {number}/{len(records)}, {name}"))
         size, passed = path.stat().st_size / 1e3, clock(time.monotonic() - began)
         print(f"{path}: {size:.0f} kB after {passed}", flush=True)
 
@@ -90,30 +95,14 @@ def _of_user(arguments: argparse.Namespace) -> dict[str, RecordedTurbine]:
     return records
 
 
-def _user_folder() -> Path:
-    """Folder of the records of the user."""
-    from wt_gym.envs.record_store import user_folder
+def _report(label: str) -> Callable[[int, int], None]:
+    """Progress line of the finished runs and of all, with the time that is left by those that this process has made."""
+    from wt_gym.experiment.execute import ProgressLine, clock
 
-    folder = user_folder()
-    if folder is None:
-        raise OSError("there is no cache of the user for records: set WT_GYM_CACHE to a folder")
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+    line, began, made = ProgressLine(interval=30.0), time.monotonic(), count(1)
 
+    def report(done: int, total: int) -> None:
+        left = clock((time.monotonic() - began) / next(made) * (total - done))
+        line.show(f"{label}: {done}/{total} runs, {left} left", final=done == total)
 
-class _Report:
-    """Progress line with the time that is left, by the runs that this process has made."""
-
-    def __init__(self, label: str):
-        from wt_gym.experiment.execute import ProgressLine
-
-        self._label, self._line = label, ProgressLine(interval=30.0)
-        self._began, self._made = time.monotonic(), 0
-
-    def __call__(self, done: int, total: int) -> None:
-        """Report the finished runs, and all."""
-        from wt_gym.experiment.execute import clock
-
-        self._made += 1
-        left = clock((time.monotonic() - self._began) / self._made * (total - done))
-        self._line.show(f"{self._label}: {done}/{total} runs, {left} left", final=done == total)
+    return report

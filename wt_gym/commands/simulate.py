@@ -20,7 +20,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.files import require_writable
-from wt_gym.commands.options import add_shared, turbine_of
+from wt_gym.base.options import LONGEST, Options, option, option_record, options_of
+from wt_gym.base.options import add_options as add_record
+from wt_gym.commands.options import add_shared, turbine_of, with_record
 from wt_gym.commands.program import file_ending_in
 
 if TYPE_CHECKING:
@@ -36,24 +38,41 @@ if TYPE_CHECKING:
 STOPPED = "what was simulated is written where --out was given"
 
 
+@option_record
+class SimulationOptions(Options):
+    """Winds and length of the runs."""
+
+    title = "simulation"
+
+    wind_speed: tuple[float, ...] = option(
+        "mean wind speeds at the hub", default=(8.0, 15.0), unit="m/s", low=0.0, high=50.0
+    )
+    duration: float = option("length of a run", default=300.0, unit="s", low=1.0, high=LONGEST)
+    average: float | None = option(
+        "last part averaged, at most the duration", default=None, unit="s", low=0.0, above=True,
+        otherwise="60, or a shorter duration",
+    )  # fmt: skip
+    shear: float = option("power-law exponent", default=0.0)
+    yaw_misalignment: float = option("of the wind", default=0.0, unit="deg")
+    turbulent: bool = option("Kaimal turbulence of the turbine's class", default=False)
+    wind_seeds: int = option("turbulence seed", default=1, low=0, high=2**63 - 1)
+    scaling: str = option("of the turbulence", default="low_frequency", choices=("low_frequency", "uniform", "none"))
+
+    def check(self) -> None:
+        """Average over short runs as a whole; refuse a longer average."""
+        average = min(60.0, self.duration) if self.average is None else self.average
+        if average > self.duration:
+            raise ValueError(f"average must be at most the duration of {self.duration:g} s, got {average:g}")
+        self._set("average", average)
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    add_shared(parser, "turbine", "site", "simulator")
+    add_shared(parser, "turbine", "site", "simulator", "fidelity")
     winds = parser.add_mutually_exclusive_group()
-    add_shared(winds, "wind_speed", "wind", wind_speed={"default": [8.0, 15.0], "help": "at the hub [m/s]"})
-    add_shared(parser, "duration", "fidelity", duration=300.0)
-    parser.add_argument(
-        "--average", type=float, metavar="S",
-        help="last part averaged [s], at most the duration (default: 60, or a shorter duration)",
-    )  # fmt: skip
-    parser.add_argument("--shear", type=float, default=0.0, help="power-law exponent (default: %(default)s)")
-    parser.add_argument("--yaw-misalignment", type=float, default=0.0, metavar="DEG", help="of the wind [deg]")
-    parser.add_argument("--turbulent", action="store_true", help="Kaimal turbulence of the turbine's class")
-    add_shared(parser, wind_seeds={"nargs": None, "default": 1, "help": "turbulence seed (default: %(default)s)"})
-    parser.add_argument(
-        "--scaling", default="low_frequency", choices=("low_frequency", "uniform", "none"),
-        help="of the turbulence (default: %(default)s)",
-    )  # fmt: skip
+    add_record(winds, SimulationOptions, "wind_speed")
+    add_shared(winds, "wind")
+    add_record(parser, SimulationOptions, *(one.name for one in options_of(SimulationOptions)[1:]))
     parser.add_argument(
         "--out", type=file_ending_in(".nc", ".outb", ".csv"), metavar="FILE",
         help="signals as NetCDF (.nc), OpenFAST's binary outputs (.outb) or text (.csv); the wind speed is added to "
@@ -61,14 +80,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_shared(parser, "json")
 
-
-def check(arguments: argparse.Namespace) -> None:
-    """Average over short runs as a whole."""
-    if arguments.average is None:
-        arguments.average = min(60.0, arguments.duration)
-
-
-LEAST_DURATION = 1.0  # s
 
 COLUMNS = (
     ("wind_m_s", "wind", "m/s", 6, 2),
@@ -86,27 +97,17 @@ COLUMNS = (
 
 
 def check_numbers(arguments: argparse.Namespace) -> None:
-    """Refuse numbers without meaning, and a place that cannot be written to, before anything is simulated."""
-    from wt_gym.base.options import check_duration
+    """Refuse winds without meaning, and a place that cannot be written to, before anything is simulated."""
     from wt_gym.envs.operation import simulator_maker
-    from wt_gym.envs.wind_sampler import FASTEST_WIND, LARGEST_WIND_SEED, SLOWEST_TURBULENCE
+    from wt_gym.envs.wind_sampler import SLOWEST_TURBULENCE
     from wt_gym.simulation.fidelity import fidelity
 
-    check_duration("--duration", arguments.duration, LEAST_DURATION)
-    if not 0.0 < arguments.average <= arguments.duration:
-        raise ValueError(
-            f"--average must be above 0 and at most the --duration of {arguments.duration:g} s, got "
-            f"{arguments.average:g}"
-        )
-    for value in arguments.wind_speed:
-        least = SLOWEST_TURBULENCE if arguments.turbulent else 0.0
-        if not least <= value <= FASTEST_WIND:
-            still = " with --turbulent" if arguments.turbulent else ""
-            raise ValueError(f"--wind-speed must be from {least:g} to {FASTEST_WIND:g} m/s{still}, got {value:g}")
+    with_record(arguments, SimulationOptions)
+    if arguments.turbulent and min(arguments.wind_speed) < SLOWEST_TURBULENCE:
+        slowest = min(arguments.wind_speed)
+        raise ValueError(f"--wind-speed must be from {SLOWEST_TURBULENCE:g} m/s with --turbulent, got {slowest:g}")
     if arguments.wind and (arguments.turbulent or arguments.shear or arguments.yaw_misalignment):
         raise ValueError("--wind has its own turbulence, shear and direction: leave those options out")
-    if not 0 <= arguments.wind_seeds <= LARGEST_WIND_SEED:
-        raise ValueError(f"--wind-seeds must be from 0 to {LARGEST_WIND_SEED}, got {arguments.wind_seeds}")
     if arguments.fidelity is not None:
         fidelity(arguments.fidelity)
     simulator_maker(arguments.simulator, arguments.turbine, pictured=False)

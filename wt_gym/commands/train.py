@@ -263,18 +263,13 @@ def words_of(path: str | Path, typed: Sequence[str] = ()) -> list[str]:
         raise ValueError(f"{path} is not valid YAML: {error}") from error
     if not isinstance(options, dict) or not all(isinstance(name, str) for name in options):
         raise ValueError(f"{path} must map options of the training to values, as 'algo: sac', got {options!r:.80}")
-    words = []
+    words, typed_options = [], {word.partition("=")[0] for word in typed}
     for name, value in options.items():
-        option = name.replace("_", "-")
-        if not _typed_instead(option, typed):
-            words += _option(option, value, path)
+        option = f"--{name.replace('_', '-')}"
+        others = {other for pair in _EITHER if option in pair for other in pair if other != option}
+        if not others & typed_options:  # which exclude it
+            words += _option(option.removeprefix("--"), value, path)
     return words
-
-
-def _typed_instead(name: str, typed: Sequence[str]) -> bool:
-    """Whether an option was typed that excludes this one."""
-    options = {word.partition("=")[0] for word in typed}
-    return any(f"--{name}" in pair and options & (set(pair) - {f"--{name}"}) for pair in _EITHER)
 
 
 def _option(name: str, value: Any, path: str | Path) -> list[str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.options import add_shared
+from wt_gym.commands.options import add_shared, turbine_of
 from wt_gym.commands.program import file_ending_in
 
 if TYPE_CHECKING:
@@ -59,10 +59,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Tune."""
     from wt_gym.experiment.tuning import Cost, SearchRange, TuningTask, parameters_text, tune
-    from wt_gym.turbines import load_turbine
-    from wt_gym.turbines.model import with_site
 
-    turbine = with_site(load_turbine(arguments.turbine), dict(arguments.site or ()))
+    turbine = turbine_of(arguments)
     cost = Cost(dict(arguments.weights)) if arguments.weights else Cost()
     task = TuningTask(
         arguments.controller, arguments.reference, tuple(arguments.wind_speed), tuple(arguments.wind_seeds),

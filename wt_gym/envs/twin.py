@@ -120,11 +120,8 @@ class Course:
                 rows, ended = np.array(self._numbers).reshape(-1, len(self.names)), self.ended
             if len(rows) <= self._kept:
                 return
-
-            def write(file: Path) -> None:
-                write_whole(file, lambda opened: np.savez(opened, names=np.array(self.names), rows=rows, ended=ended))
-
-            if write_cached("rewards", path, write):
+            table: dict[str, Any] = {"names": np.array(self.names), "rows": rows, "ended": ended}
+            if write_cached("rewards", path, lambda file: write_whole(file, lambda opened: np.savez(opened, **table))):
                 self._kept = len(rows)
                 _tidy(path.parent.parent)
 

@@ -29,6 +29,11 @@ if TYPE_CHECKING:
     from wt_gym.envs.terms import EnvSnapshot
     from wt_gym.experiment.trained_agent import TrainedAgent
 
+__all__ = [
+    "ConstantAgent", "ControllerAgent", "ObservedSignals", "PlannerOptions", "ShootingPlanner", "UniformAgent",
+    "load_agent", "load_model",
+]  # fmt: skip
+
 
 class ConstantAgent:
     """Gives one action whatever it sees; by default the middle of the range, which holds all demands in rate mode.

@@ -60,6 +60,12 @@ if TYPE_CHECKING:
     from wt_gym.experiment.execute import Executor
     from wt_gym.experiment.trained_agent import TrainedAgent
 
+__all__ = [
+    "INTERFACE", "BenchmarkAgent", "BenchmarkRun", "ResultFolder", "Score", "WindScore", "entries_of", "entry_of",
+    "into_page", "jobs_of", "leaderboard", "make_env", "play_task", "run_jobs", "score", "task_fingerprint",
+    "to_markdown", "wind_score",
+]  # fmt: skip
+
 
 def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any] | None = None) -> gym.Env:
     """Environment of a task for a wind.

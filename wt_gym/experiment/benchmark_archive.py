@@ -175,7 +175,6 @@ def verify(
     sample: int | None = 6,
     seed: int = 0,
     executor: Executor | None = None,
-    repeated: Path | None = None,
 ) -> list[Verified]:
     """Repeat runs and compare their metrics with the recorded ones.
 
@@ -189,10 +188,6 @@ def verify(
         How many runs, drawn evenly; None: all.
     seed : int
         Of the draw.
-    executor : Executor, optional
-        Does the runs.
-    repeated : pathlib.Path, optional
-        Keeps the repetitions.
 
     Raises
     ------
@@ -206,7 +201,7 @@ def verify(
     given = [entry_of(text) for text in agents]
     jobs = [_job(result, models, given) for result in results]
     with tempfile.TemporaryDirectory() as name:
-        kept = ResultFolder(Path(name) if repeated is None else repeated)
+        kept = ResultFolder(name)
         run_jobs(jobs, kept, executor)
         return [_compared(job, result, kept.read(job.definition))
                 for job, result in zip(jobs, results, strict=True)]  # fmt: skip

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 
     from wt_gym.turbines import Turbine
 
+__all__ = [
+    "BenchmarkTask", "BenchmarkWind", "Ceiling", "Limit", "Reference", "ScoreTerm", "ceiling_file", "ceiling_line",
+    "ceiling_of", "improvement", "load_task", "make_reference", "reference_of", "task_file", "task_names",
+    "transient_inflow", "write_reference",
+]  # fmt: skip
+
 _FOLDER = Path(__file__).parent / "benchmark_data"
 _TRANSIENTS = ("EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal")
 _KEYS = {

@@ -55,6 +55,11 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
+__all__ = [
+    "COLUMNS", "ComparisonConfig", "ControllerRuns", "change", "comparison_table", "in_all_winds", "inflow_of",
+    "run_cases", "write_comparison",
+]  # fmt: skip
+
 COLUMNS = (
     ("mean_power", "power"),
     ("blade_flap_del", "flap DEL"),

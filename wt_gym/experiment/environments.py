@@ -15,13 +15,13 @@ import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.canary import differing
 from wt_gym.base.files import json_values
 from wt_gym.control.controllers import make_controller, supervisor_of
-from wt_gym.control.controllers.names import ALIASES
+from wt_gym.control.controllers.names import ALIASES, BASELINE, PREFIX
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options import argument_default, flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import load_agent, load_model
 from wt_gym.experiment.execute import Experiment
-from wt_gym.experiment.names import BASELINE, PREFIX, env_choices_of, fingerprint, is_base_controller, read_name
+from wt_gym.experiment.names import env_choices_of, fingerprint, is_base_controller, read_name
 from wt_gym.experiment.run import ENDLESS, benchmark_fingerprint
 
 if TYPE_CHECKING:

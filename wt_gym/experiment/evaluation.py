@@ -42,6 +42,11 @@ if TYPE_CHECKING:
     from wt_gym.envs.wind_sampler import WindSampler
     from wt_gym.experiment.execute import Executor
 
+__all__ = [
+    "CONFIGURATION_FILE", "DEFAULT_WIND_SEEDS", "FIRST_SEED", "REPORT_FILE", "EvaluationConfig", "EvaluationFolder",
+    "evaluate", "oscillation_notes", "swings", "winds_for", "winds_of",
+]  # fmt: skip
+
 _log = logging.getLogger(__name__)
 
 # ---- winds ----
@@ -279,10 +284,6 @@ class EvaluationFolder(RunStore):
         result.save(file)
         return result
 
-    def save_tables(self, evaluation: Evaluation, jobs: Sequence[tuple[str, Wind]]) -> None:
-        """Write the tables beside the runs, whose agents and asked winds are given in their order."""
-        evaluation.save_tables(self.path, [self.name(self.definition(job)) for job in jobs])
-
     def _differences(self) -> list[str]:
         """Parts of the configuration that are not those of the evaluation that is there."""
         file = self.path / CONFIGURATION_FILE
@@ -429,7 +430,7 @@ def evaluate(
             notes=notes,
         )
         if store:
-            store.save_tables(evaluation, rows)
+            evaluation.save_tables(store.path, [store.name(store.definition(row)) for row in rows])
     return evaluation
 
 

@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 
     from wt_gym.experiment.store import RunStore
 
+__all__ = [
+    "ATTEMPTS", "ENGINES", "Executor", "Experiment", "ProcessExecutor", "Progress", "ProgressLine", "RayExecutor",
+    "SerialExecutor", "Tally", "clock", "connected", "executor_for", "played", "processors", "warm_nodes",
+]  # fmt: skip
+
 ENGINES = ("local", "ray")
 """Places where rows are played."""
 ATTEMPTS = 3

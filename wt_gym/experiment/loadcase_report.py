@@ -36,8 +36,9 @@ from wt_gym.analysis.page import (
     write_page,
 )
 from wt_gym.analysis.statistics import LIFETIME_EXPONENTS
-from wt_gym.experiment.loadcase_runs import CLEARANCE, PARKED, RUNS_FOLDER, SPEED, TABLE_FILE
+from wt_gym.experiment.loadcase_runs import CLEARANCE, PARKED, SPEED, TABLE_FILE
 from wt_gym.experiment.loadcases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
+from wt_gym.experiment.store import RUNS_FOLDER
 
 if TYPE_CHECKING:
     from wt_gym.experiment.loadcase_runs import CaseRun, LoadCaseResults, Value
@@ -105,8 +106,9 @@ def _lifetime_rows(results: LoadCaseResults) -> dict[str, list[str]]:
         rows[agent] = []
         for key in LIFETIME_EXPONENTS:
             value, base = results.lifetime(agent, key), results.lifetime(results.agents[0], key)
-            known = value is not None and base is not None and agent != results.agents[0]
-            change = f" ({format_difference(key, value, base)})" if known else ""
+            change = ""
+            if value is not None and base is not None and agent != results.agents[0]:
+                change = f" ({format_difference(key, value, base)})"
             rows[agent].append(NONE if value is None else format_value(key, value) + change)
     return rows
 

@@ -53,6 +53,11 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
+__all__ = [
+    "CLEARANCE", "COMPLETE", "EXTREMES", "PARKED", "REPORT_FILE", "SPEED", "TABLE_FILE", "CaseRun",
+    "LoadCaseConfig", "LoadCaseResults", "Value", "run_agent", "run_load_cases", "run_parked",
+]  # fmt: skip
+
 EXTREMES = ("blade_flap_max", "blade_edge_max", "tower_base_max", "rotor_speed_max", "tip_clearance_min")
 """What is kept of a run: largest sizes of moments [N m], largest rotor speed [rad/s], smallest clearance [m]."""
 _FATIGUE = ("blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_side_del")

@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
+__all__ = [
+    "CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "DesignCase", "DesignSituation", "Plan", "inflow_of", "plan_of",
+]  # fmt: skip
+
 Fault = DriveFault | SensorBias
 
 NORMAL, ABNORMAL, EXTRAPOLATED = 1.35, 1.1, 1.25

@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from wt_gym.analysis.statistics import WindClimate
     from wt_gym.turbines import Turbine
 
+__all__ = ["ClimateOptions"]
+
 
 @option_record
 class ClimateOptions(Options):

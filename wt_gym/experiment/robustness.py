@@ -161,18 +161,20 @@ class Robustness:
 
     def to_json(self) -> dict[str, Any]:
         """All of it, as JSON values."""
-        return {
-            "settings": self.settings,
-            "reference": self.reference,
-            "bases": self.bases,
-            "conditions": {one.name: one.arguments.get("variation", one.arguments) for one in self.conditions},
-            "over_reference": {c: {a: asdict(g) for a, g in of.items()} for c, of in self.over_reference.items()},
-            "over_base": {c: {a: asdict(g) for a, g in of.items()} for c, of in self.over_base.items()},
-            "idle": self.idle,
-            "kept": {
-                one.name: {a: self.kept(one.name, a) for a in self.over_base[one.name]} for one in self.conditions
-            },
+        gains = {
+            name: {c: {agent: asdict(gain) for agent, gain in of.items()} for c, of in getattr(self, name).items()}
+            for name in ("over_reference", "over_base")
         }
+        return (
+            vars(self)
+            | gains
+            | {
+                "conditions": {one.name: one.arguments.get("variation", one.arguments) for one in self.conditions},
+                "kept": {
+                    one.name: {a: self.kept(one.name, a) for a in self.over_base[one.name]} for one in self.conditions
+                },
+            }
+        )
 
     def to_markdown(self) -> str:
         """One table an agent."""

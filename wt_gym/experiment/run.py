@@ -45,6 +45,11 @@ if TYPE_CHECKING:
     from wt_gym.simulation.contract import TurbineSimulator
     from wt_gym.turbines import Turbine
 
+__all__ = [
+    "ENDLESS", "LEAST_MEASURED", "Episode", "EpisodePlayer", "benchmark_fingerprint", "benchmark_metrics",
+    "delivered_power", "play", "run_baseline", "run_controller",
+]  # fmt: skip
+
 ENDLESS = 10**9
 """Control steps that no run has: its duration is the only limit."""
 LEAST_MEASURED = 2.0

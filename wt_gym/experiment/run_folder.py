@@ -61,26 +61,10 @@ class RunFolder(FolderLock):
 
     def __init__(self, path: str | Path):
         super().__init__(path, "training")
-
-    @property
-    def model(self) -> Path:
-        """The model as it was last saved."""
-        return self.path / MODEL_FILE
-
-    @property
-    def normalization(self) -> Path:
-        """Statistics that belong to the model."""
-        return self.path / NORMALIZATION_FILE
-
-    @property
-    def buffer(self) -> Path:
-        """Replay buffer that belongs to the model."""
-        return self.path / _BUFFER_FILE
-
-    @property
-    def checkpoints(self) -> Path:
-        """Folder of the models on the way."""
-        return self.path / _CHECKPOINTS
+        self.model = self.path / MODEL_FILE  #: as it was last saved
+        self.normalization, self.buffer = self.path / NORMALIZATION_FILE, self.path / _BUFFER_FILE  #: of the model
+        self.checkpoints = self.path / _CHECKPOINTS  #: models on the way
+        self.tensorboard = self.path / _TENSORBOARD  #: figures
 
     def rllib(self, steps: int) -> Path:
         """Folder of RLlib's checkpoint after so many steps."""
@@ -100,11 +84,6 @@ class RunFolder(FolderLock):
     def remove_recordings(self) -> None:
         """Remove the recorded episodes in this folder, which nothing needs after the training."""
         shutil.rmtree(self.path / _RECORDINGS, ignore_errors=True)
-
-    @property
-    def tensorboard(self) -> Path:
-        """Folder of the figures for TensorBoard."""
-        return self.path / _TENSORBOARD
 
     @property
     def used(self) -> bool:

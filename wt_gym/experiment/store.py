@@ -24,6 +24,8 @@ from wt_gym.base.files import read_json, remove_partial, write_text_whole
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+__all__ = ["RUNS_FOLDER", "SWEEP_FILE", "FolderLock", "RunStore", "described", "digest", "run_definition", "run_digest"]
+
 
 _WRITTEN_OUT = 100
 """Numbers that an array may have to be written out; a larger one is told by a digest."""

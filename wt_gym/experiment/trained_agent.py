@@ -33,6 +33,11 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.layout import EnvLayout
 
+__all__ = [
+    "ALGORITHM_CLASSES", "BEST_MODEL_FILE", "BEST_NORMALIZATION_FILE", "DAMAGE", "MODEL_FILE", "NORMALIZATION_FILE",
+    "RECORD_FILE", "TrainedAgent", "UnsafePickleError", "model_card", "model_digests", "model_files", "read_record",
+]  # fmt: skip
+
 _NUMPY = ("numpy._core", "numpy.core")
 _NAMES = {
     ("numpy", "dtype"), ("numpy", "ndarray"), ("collections", "deque"), ("collections", "OrderedDict"),

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from wt_gym.experiment.comparison import ControllerRuns
     from wt_gym.turbines import Turbine
 
+__all__ = ["SPACES", "Cost", "SearchRange", "TuningTask", "parameters_text", "tune"]
+
 
 @dataclass(frozen=True)
 class SearchRange:
