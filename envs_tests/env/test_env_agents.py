@@ -326,7 +326,7 @@ def test_names_on_the_command_line(trained):
         (["train", "--steps", "-5", "--wind-speed", "12"], "total_steps must be a whole number from 0"),
         (["train", "--max-seconds", "nan"], "max_seconds must be a number"),
         (["train", "--hyper", "gama=0.9"], "no option 'gama'"),
-        (["simulate", "--wind-speed", "nan"], "wind_speed must be numbers from 0 to 50 m/s, got [nan]"),
+        (["simulate", "--wind-speed", "nan"], "wind_speed must be numbers from 0 to 50 m/s, got (nan,)"),
         (["simulate", "--duration", "0"], "duration must be a number from 1 to 1e+06 s, got 0.0"),
     ],
 )
