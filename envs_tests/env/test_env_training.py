@@ -278,7 +278,7 @@ def cut(fraction):
         ("vecnormalize.pkl", lambda _: pickle.dumps([1, 2]), "holds no statistics"),
         ("training.json", cut(0.5), "training.json is damaged"),
         ("training.json", lambda _: b"\xff\xfe", "training.json is damaged"),
-        ("training.json", lambda _: b"[1]", "names no algorithm"),
+        ("training.json", lambda _: b"{}", "names no algorithm"),
         ("training.json", lambda _: b'{"algorithm": "XYZ"}', "algorithm must be one of"),
         ("training.json", lambda _: b'{"algorithm": "SAC"}', "is not a model of SAC"),
     ],
