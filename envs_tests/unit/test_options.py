@@ -138,7 +138,9 @@ PLAIN = {
     "bool", "int", "float", "str", "None", "tuple[float,float]", "tuple[int,...]", "tuple[float,...]", "tuple[str,...]",
 }  # fmt: skip
 SCALARS = st.one_of(st.integers(), st.floats(), st.text(max_size=5), st.booleans(), st.none())
-VALUES = st.one_of(SCALARS, st.lists(SCALARS, max_size=3), st.dictionaries(st.text(max_size=5), SCALARS, max_size=2))
+ARRAYS = st.sampled_from([np.array(0.5), np.array([1.0, 2.0]), np.eye(6)])
+LISTS, TABLES = st.lists(SCALARS, max_size=3), st.dictionaries(st.text(max_size=5), SCALARS, max_size=2)
+VALUES = st.one_of(SCALARS, LISTS, TABLES, ARRAYS)
 
 
 @pytest.mark.parametrize(("record", "declared"), CASES)

@@ -273,9 +273,8 @@ class Option:
 
     def _wrong_name(self, value: Any) -> Any:
         """First name that is no choice."""
-        if isinstance(value, str):
-            return value
-        return next((name for name in value if name not in self.choices), None) if isinstance(value, Iterable) else None
+        names = value if isinstance(value, tuple | Mapping) else (value,)
+        return next((name for name in names if isinstance(name, str) and name not in self.choices), None)
 
     def within(self, number: float | None) -> bool:
         """Whether a number is finite and within the range."""
@@ -313,7 +312,7 @@ def _pair(declared: Option, value: Any) -> tuple[float, ...] | None:
 
 def _several(form: Callable[[Option, Any], Any], once: bool = False, count: int = 0) -> Callable[[Option, Any], Any]:
     def forms(declared: Option, value: Any) -> tuple[Any, ...] | None:
-        if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping):
+        if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping) or not np.ndim(value):
             return None
         parts = tuple(form(declared, part) for part in value)
         wrong = None in parts or (once and len(set(parts)) < len(parts)) or (count and len(parts) != count)
@@ -817,5 +816,5 @@ def real_numbers(value: Any) -> tuple[float, ...]:
 def shown(value: Any) -> str:
     """How a refused value stands in a message: on one line, and shortened."""
     if isinstance(value, np.ndarray):
-        value = value.tolist() if value.size <= 9 else f"array of shape {value.shape}"
+        return f"{value.tolist()!r:.100}" if value.size <= 9 else f"array of shape {value.shape}"
     return f"{value!r:.100}".replace("\n", " ")
