@@ -22,7 +22,7 @@ class Training(Options):
 
     title = "training"
 
-    seed: int = option("random numbers", default=0, low=0, high=2**31)
+    seed: int = option("random numbers", default=0, low=0, high=2**63 - 1)
     algorithm: str = option("who learns", default="PPO", choices=("PPO", "SAC"))
     max_seconds: float | None = option("wall time", default=None, unit="s", low=0.0, above=True)
     speed: float | tuple[float, float] = option("wind", default=15.0, unit="m/s", low=3, high=30, flat="wind_speed")
@@ -41,7 +41,7 @@ def _even(value):
 
 
 WRONG = {
-    "seed": (-1, 2**31 + 1, 1.5, True, "1", None, math.nan),
+    "seed": (-1, 2**63, 1.5, True, "1", None, math.nan),
     "algorithm": ("TD3", 1, None, ""),
     "max_seconds": (0.0, -1, math.inf, math.nan, "1", True),
     "speed": (2.9, 31, (12, 10), (3, 31), (1, 2, 3), "15", None, [5], math.nan),
@@ -52,7 +52,7 @@ WRONG = {
     "even": (3, None, 2.0),
 }
 RIGHT = {
-    "seed": (0, np.int64(3)), "algorithm": ("SAC",), "max_seconds": (None, 1, np.float32(0.5)),
+    "seed": (0, np.int64(3), 2**63 - 1), "algorithm": ("SAC",), "max_seconds": (None, 1, np.float32(0.5)),
     "speed": (3, 30.0, [5, 12], (5, 5)), "layers": ([32], (8, 16, 32)), "terms": (["flap", "power"],),
     "weights": ({"power": 0, "flap": 2}, None), "quiet": (True, np.bool_(False)), "even": (4,),
 }  # fmt: skip
@@ -71,6 +71,11 @@ def test_a_right_value_comes_back_from_json(name, value):
     again = Training.from_json(record.to_json())
     assert again == record
     assert list(again.given) == [name]
+
+
+def test_ends_of_a_range_stand_in_full_where_digits_would_be_lost():
+    with pytest.raises(ValueError, match="seed must be a whole number from 0 to 9223372036854775807, got -1"):
+        Training(seed=-1)
 
 
 def test_near_names_are_offered():

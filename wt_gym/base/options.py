@@ -138,7 +138,8 @@ class Option:
     def range_text(self) -> str:
         """Range of the number in words; empty where all numbers are allowed."""
         unit = f" {self.unit}" if self.unit not in ("", "-") else ""
-        low, high = f"{self.low:g}", f"{self.high:g}"
+        low, high = (str(end) if isinstance(end, int) and float(f"{end:g}") != end else f"{end:g}"
+                     for end in (self.low, self.high))  # fmt: skip
         if self.low == -math.inf and self.high == math.inf:
             return f"in{unit}" if unit else ""
         if self.high == math.inf:
@@ -289,7 +290,8 @@ def _flag(_: Option, value: Any) -> bool | None:
 
 def _whole(declared: Option, value: Any) -> int | None:
     is_whole = isinstance(value, numbers.Integral) and not isinstance(value, bool | np.bool_)
-    return int(value) if is_whole and declared.within(real_number(value)) else None
+    is_whole = is_whole and real_number(value) is not None  # itself is compared: a float has no 63 bits
+    return int(value) if is_whole and declared.within(int(value)) else None
 
 
 def _number(declared: Option, value: Any) -> float | None:
