@@ -231,7 +231,7 @@ def test_a_file_that_is_not_sound_is_recorded_again(damage, tmp_path, caplog):
     reward_store._courses.clear()
     env = WindTurbineEnv(**ARGUMENTS)
     assert episode(env) == expected
-    assert "is unreadable" in caplog.text
+    assert "it is made again" in caplog.text
     env.close()
     reward_store._courses.clear()
     assert len(reward_store.kept_course(path.stem, tuple(expected[0][1]))) == 20

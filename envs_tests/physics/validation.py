@@ -132,7 +132,7 @@ def bounds_of(text: str) -> tuple[float, float]:
     raise ValueError(f"expected value {text!r} is not a bound; write '<= a', '>= a' or 'in [a, b]'")
 
 
-def worst(
+def worst(  # noqa: PLR0913
     quantity: str,
     where: str,
     at: Sequence[float] | NDArray[np.float64],

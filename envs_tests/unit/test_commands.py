@@ -197,7 +197,7 @@ def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
     [
         (["--duration", "1e300"], "duration must be a number from 1 to 1e+06 s, got 1e+300"),
         (["--average", "400"], "average must be at most the duration of 300 s, got 400"),
-        (["--wind-speed", "8", "1e9"], "wind_speed must be numbers from 0 to 50 m/s, got [8.0, 1000000000.0]"),
+        (["--wind-speed", "8", "1e9"], "wind_speed must be numbers from 0 to 50 m/s, got (8.0, 1000000000.0)"),
         (["--turbulent", "--wind-speed", "0"], "with --turbulent, got 0"),
         (["--fidelity", "none"], "got 'none'"),
     ],

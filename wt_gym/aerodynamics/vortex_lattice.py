@@ -322,7 +322,7 @@ class VortexLattice:
                 f"size after {PASSES} passes; rows of the wake may lie too close together"
             )
 
-    def _balance(
+    def _balance(  # noqa: PLR0913
         self,
         state: AeroState,
         nodes: Array,
@@ -377,7 +377,7 @@ class VortexLattice:
         """Circulation that each part of the shedding edge continues, a copy (n_blades, n_edge)."""
         return a.gamma.reshape(self.n_blades, -1)[:, self.arrays.shed_rings]
 
-    def initialize_helix(
+    def initialize_helix(  # noqa: PLR0913
         self,
         state: AeroState,
         nodes: ArrayLike,
@@ -682,7 +682,7 @@ class VortexLattice:
         step_kernels.store_induced(p, o, a, w, n_target, *self.body_arrays)
 
     @staticmethod
-    def _helix(
+    def _helix(  # noqa: PLR0913
         edge: Array,
         center: Array,
         axis: Array,

@@ -126,7 +126,7 @@ class ActionMap:
         If a choice is none of those allowed.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         turbine: Turbine,
         control_dt: float,

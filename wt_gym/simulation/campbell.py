@@ -79,7 +79,7 @@ class CampbellDiagram:
         return campbell_figure(self)
 
 
-def campbell(
+def campbell(  # noqa: PLR0913
     simulator: LinearizedSimulator,
     *,
     rotor_speeds: Sequence[float] | Array | None = None,

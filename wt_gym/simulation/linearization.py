@@ -59,7 +59,7 @@ TORQUE_STEP = 100.0
 """Change of the generator torque [N m]; the equations are linear in it."""
 
 
-def linearize(
+def linearize(  # noqa: PLR0913
     simulator: LinearizedSimulator,
     operating_point: RotorPoint | None = None,
     *,
@@ -154,7 +154,7 @@ def linearize(
     return _reflected_model(model, plant) if simulator.mirrored else model
 
 
-def trim(
+def trim(  # noqa: PLR0913
     simulator: LinearizedSimulator,
     rotor_speed: float,
     pitch: ArrayLike = 0.0,
@@ -226,7 +226,7 @@ def steady_inflow(inflow: Inflow, wind_speed: float | None = None) -> SteadyInfl
 # ---- trim ------------------------------------------------------------------------------------------------------------
 
 
-def trim_plant(
+def trim_plant(  # noqa: PLR0913
     plant: FrozenPlant,
     rotor_speed: float,
     pitch: ArrayLike,

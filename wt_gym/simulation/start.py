@@ -24,7 +24,7 @@ SMALLEST_SHARE = 1.0 / 256.0
 """Of a step of Newton's method, below which there is no balance."""
 
 
-def elastic_equilibrium(
+def elastic_equilibrium(  # noqa: PLR0913
     system: MultibodySystem,
     y: Array,
     inputs: Inputs,

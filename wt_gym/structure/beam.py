@@ -53,7 +53,7 @@ class BeamSections(BeamStations):
     axis: Array = option("position of the reference axis in the body frame", unit="m", shape=("station", 3))
 
     @classmethod
-    def uniform(
+    def uniform(  # noqa: PLR0913
         cls,
         length: float,
         *,

@@ -200,14 +200,7 @@ def _from_discon(model: Model, file: TextFile, rating: Rating, radius: float, de
         model.note(f"a power coefficient of {cp:.3f} at VS_TSRopt is left aside", file)
     if file.integer("F_LPFType", 1) == 2:
         values["speed_filter_damping"] = file.number("F_LPFDamping")
-    for name, key in (("torque_proportional_gain", "VS_KP"), ("torque_integral_gain", "VS_KI")):
-        if key in file:
-            gains = file.array(key)
-            if np.any(gains < 0.0) and np.any(gains > 0.0):
-                raise file.fail(key, gains.tolist(), "gains of one sign")
-            values[name] = abs(float(gains[0]))
-            if gains.size > 1:
-                model.note(f"{key} has several gains, the first is taken", file)
+    values |= _torque_gains(model, file)
     if "VS_ConstPower" in file:
         values["constant_power"] = file.integer("VS_ConstPower") == 1
     else:  # before ROSCO 2.9
@@ -222,16 +215,34 @@ def _from_discon(model: Model, file: TextFile, rating: Rating, radius: float, de
         values |= {"min_pitch_wind": file.array("PS_WindSpeeds"), "min_pitch": file.array("PS_BldPitchMin")}
     if "PC_Switch" in file and "PC_FinePit" in file:
         values["region_3_min_pitch"] = file.number("PC_FinePit") + file.number("PC_Switch")
-    if file.integer("PA_Mode", 0) > 0:
-        values["pitch_actuator_frequency"] = file.number("PA_CornerFreq")
-        if file.integer("PA_Mode") == 2:
-            values["pitch_actuator_damping"] = file.number("PA_Damping")
+    values |= _pitch_actuator(file)
     active = [f"{what} ({key})" for key, what in _MODES.items() if key in file and file.number(key) != 0.0]
     if active:
         model.note(f"left aside: {', '.join(active)}", file)
     if file.integer("PC_ControlMode", 1) == 0:
         model.note("PC_ControlMode 0: ROSCO holds the fine pitch; here its gains are used", file)
     return values
+
+
+def _torque_gains(model: Model, file: TextFile) -> dict[str, float]:
+    """Return the gains of the torque control, which ROSCO writes with either sign."""
+    values = {}
+    for name, key in (("torque_proportional_gain", "VS_KP"), ("torque_integral_gain", "VS_KI")):
+        if key in file:
+            gains = file.array(key)
+            if np.any(gains < 0.0) and np.any(gains > 0.0):
+                raise file.fail(key, gains.tolist(), "gains of one sign")
+            values[name] = abs(float(gains[0]))
+            if gains.size > 1:
+                model.note(f"{key} has several gains, the first is taken", file)
+    return values
+
+
+def _pitch_actuator(file: TextFile) -> dict[str, float]:
+    """Return corner frequency and damping of the pitch drive where ROSCO filters by one."""
+    mode = file.integer("PA_Mode", 0)
+    values = {"pitch_actuator_frequency": file.number("PA_CornerFreq")} if mode > 0 else {}
+    return values | ({"pitch_actuator_damping": file.number("PA_Damping")} if mode == 2 else {})
 
 
 def _set_point_smoother(file: TextFile) -> dict[str, float]:

@@ -186,7 +186,7 @@ class Response:
         )  # fmt: skip
 
 
-def respond(
+def respond(  # noqa: PLR0913
     rotor: RigidRotor,
     options: AeroOptions,
     wind: Callable[..., Any] | float = 8.0,

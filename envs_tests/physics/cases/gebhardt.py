@@ -87,7 +87,7 @@ class Run:
         return 2.0 * ((series - series.mean(axis=0)) * wave[:, None]).mean(axis=0)
 
 
-def make_simulator(
+def make_simulator(  # noqa: PLR0913
     wind, rpm, reference_height=None, formulation="constrained", viscous=False, gravity=True, tower=1.0,
     lattice=LATTICE, fidelity="gebhardt", forward=None,
 ):  # fmt: skip

@@ -324,7 +324,7 @@ def span_distribution(
     return result
 
 
-def build_planform(
+def build_planform(  # noqa: PLR0913
     span_edges: ArrayLike,
     axis: ArrayLike,
     chord: ArrayLike,

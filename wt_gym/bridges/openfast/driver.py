@@ -42,7 +42,7 @@ _LAST_WORDS = 600
 _NORMAL_END = "terminated normally"
 
 
-def write_driver_run(
+def write_driver_run(  # noqa: PLR0913
     turbine: Turbine,
     inflow: Inflow,
     folder: str | Path,

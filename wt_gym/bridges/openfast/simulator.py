@@ -114,7 +114,7 @@ class OpenFASTSimulator:
     >>> signals = sim.advance(0.2, pitch=0.0, generator_torque=19.3e3)   # doctest: +SKIP
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913
         self,
         turbine: str | Path | Turbine = "nrel_5mw",
         inflow: Inflow | None = None,

@@ -298,7 +298,7 @@ def parameter_file(title: str, groups: set[str], values: dict[str, float | list[
     return "\n".join(lines) + "\n"
 
 
-def export_discon(
+def export_discon(  # noqa: PLR0913
     choice: str,
     folder: str | Path,
     *,

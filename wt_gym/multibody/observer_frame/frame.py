@@ -448,7 +448,7 @@ class ObserverFrameSystem:
             raise ObserverFrameError(f"load on {body}.{marker}: expected force and moment (6,), got {np.shape(value)}")
         self.loads.append((self._marker(body, marker), value, axes))
 
-    def _orthogonal(
+    def _orthogonal(  # noqa: PLR0913
         self,
         body: str,
         marker: str,
