@@ -209,6 +209,9 @@ def test_damage_term_sums_to_the_equivalent_load():
         expected += part.share * duration * (batch / part.reference) ** part.exponent
     assert paid == pytest.approx(-expected, rel=1e-12)
     assert sum(part.share for part in term.loads) == pytest.approx(1.0)
+    other = load_turbine("iea_15mw")
+    term.reset(other, scripted_signals({}))
+    assert term.loads[0].reference == 0.5 * reference_flap_moment(other)
 
     alone = rewards.Damage(weight=1.0, loads=[Load(load, 10.0, 3e6, 1.0)])
     wave = [{load: 8e6 + 1.5e6 * (-1) ** k} for k in range(1001)]

@@ -152,6 +152,8 @@ def test_fidelity_is_an_argument_of_the_environment_and_counts_before_the_others
     assert command.configuration(parse_command(name, [])).env_kwargs == {}
     with pytest.raises(ValueError, match="must be a JSON object"):
         command.configuration(parse_command(name, ["--fidelity", "engineering", "--env-kwargs", "[1]"]))
+    with pytest.raises(ValueError, match="site must be a JSON object, got 3"):
+        command.configuration(parse_command(name, ["--env-kwargs", '{"site": 3}', "--site", "air_density=1.2"]))
 
 
 class ScriptedSimulator:

@@ -805,6 +805,10 @@ def test_what_is_wrong_is_refused_with_what_is_allowed(choice, message, turbine)
         make_controller(choice, turbine)
 
 
+def test_an_option_of_other_turbines_may_have_its_default(turbine):
+    assert isinstance(make_controller("discon:thrust_limit=None", turbine), DisconController)
+
+
 def test_wrong_arguments_are_named(turbine):
     with pytest.raises(ValueError, match="level of controller 'ipc' is given twice"):
         make_controller("ipc:level=0.2", turbine, level=0.1)

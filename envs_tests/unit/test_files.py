@@ -44,12 +44,13 @@ def test_a_place_that_cannot_be_written_is_found_at_once(tmp_path):
         require_writable(tmp_path / "file" / "folder")
 
 
-def test_processes_that_write_the_same_file_do_not_disturb_each_other(tmp_path, monkeypatch):
+@pytest.mark.parametrize("number", ["os.getpid", "threading.get_ident"])
+def test_processes_and_threads_that_write_the_same_file_do_not_disturb_each_other(tmp_path, monkeypatch, number):
     path = tmp_path / "file"
     with whole_file(path) as mine:
         mine.write_bytes(b"mine")
         with monkeypatch.context() as patch:
-            patch.setattr("wt_gym.base.files.os.getpid", lambda: -1)
+            patch.setattr(f"wt_gym.base.files.{number}", lambda: -1)
             write_whole(path, lambda file: file.write(b"theirs"))
         assert path.read_bytes() == b"theirs"
     assert path.read_bytes() == b"mine"

@@ -22,7 +22,7 @@ class Training(Options):
 
     title = "training"
 
-    seed: int = option("random numbers", default=0, low=0, high=2**31)
+    seed: int = option("random numbers", default=0, low=0, high=2**63 - 1)
     algorithm: str = option("who learns", default="PPO", choices=("PPO", "SAC"))
     max_seconds: float | None = option("wall time", default=None, unit="s", low=0.0, above=True)
     speed: float | tuple[float, float] = option("wind", default=15.0, unit="m/s", low=3, high=30, flat="wind_speed")
@@ -41,7 +41,7 @@ def _even(value):
 
 
 WRONG = {
-    "seed": (-1, 2**31 + 1, 1.5, True, "1", None, math.nan),
+    "seed": (-1, 2**63, 1.5, True, "1", None, math.nan),
     "algorithm": ("TD3", 1, None, ""),
     "max_seconds": (0.0, -1, math.inf, math.nan, "1", True),
     "speed": (2.9, 31, (12, 10), (3, 31), (1, 2, 3), "15", None, [5], math.nan),
@@ -52,7 +52,7 @@ WRONG = {
     "even": (3, None, 2.0),
 }
 RIGHT = {
-    "seed": (0, np.int64(3)), "algorithm": ("SAC",), "max_seconds": (None, 1, np.float32(0.5)),
+    "seed": (0, np.int64(3), 2**63 - 1), "algorithm": ("SAC",), "max_seconds": (None, 1, np.float32(0.5)),
     "speed": (3, 30.0, [5, 12], (5, 5)), "layers": ([32], (8, 16, 32)), "terms": (["flap", "power"],),
     "weights": ({"power": 0, "flap": 2}, None), "quiet": (True, np.bool_(False)), "even": (4,),
 }  # fmt: skip
@@ -71,6 +71,11 @@ def test_a_right_value_comes_back_from_json(name, value):
     again = Training.from_json(record.to_json())
     assert again == record
     assert list(again.given) == [name]
+
+
+def test_ends_of_a_range_stand_in_full_where_digits_would_be_lost():
+    with pytest.raises(ValueError, match="seed must be a whole number from 0 to 9223372036854775807, got -1"):
+        Training(seed=-1)
 
 
 def test_near_names_are_offered():
@@ -138,7 +143,9 @@ PLAIN = {
     "bool", "int", "float", "str", "None", "tuple[float,float]", "tuple[int,...]", "tuple[float,...]", "tuple[str,...]",
 }  # fmt: skip
 SCALARS = st.one_of(st.integers(), st.floats(), st.text(max_size=5), st.booleans(), st.none())
-VALUES = st.one_of(SCALARS, st.lists(SCALARS, max_size=3), st.dictionaries(st.text(max_size=5), SCALARS, max_size=2))
+ARRAYS = st.sampled_from([np.array(0.5), np.array([1.0, 2.0]), np.eye(6)])
+LISTS, TABLES = st.lists(SCALARS, max_size=3), st.dictionaries(st.text(max_size=5), SCALARS, max_size=2)
+VALUES = st.one_of(SCALARS, LISTS, TABLES, ARRAYS)
 
 
 @pytest.mark.parametrize(("record", "declared"), CASES)

@@ -71,6 +71,7 @@ def test_steps_between_updates_are_shared_by_the_copies_or_counted_for_each(tmp_
         ("default:\n  tau: 0.9", "section 'default' of PPO: hyperparameters has no option 'tau'"),
         ("default: {n_steps: 64, rollout_steps: 512}", "steps must be given once, got rollout_steps .* and n_steps"),
         ("default:\n  learning_rate: lin_fast", "learning_rate must be a number .* or lin_"),
+        ("default:\n  learning_rate: lin_true", "learning_rate must be a number .* or lin_"),
         ("default:\n  net_arch: []", "net_arch must have one to eight layers"),
         ("CartPole: {gamma: 0.9}", "sections must be 'default' or the id of an environment, got 'CartPole'"),
         ("default: !!python/object/apply:os.getcwd []", "not valid YAML"),

@@ -69,6 +69,8 @@ def test_slope_of_the_camber_line():
     np.testing.assert_allclose(airfoil.camber_at(at)[1], naca4_camber(at, 0.04, 0.4)[1], atol=3e-3)
     with pytest.raises(TurbineDefinitionError, match="x_c"):
         airfoil.camber_at(1.2)
+    with pytest.raises(TurbineDefinitionError, match=r"airfoil '4412': Airfoil\.relative_thickness must be .*, got 2"):
+        Airfoil("4412", 2.0, contour, x, camber, flat_polar())
 
 
 def flat_polar(scale: float = 1.0) -> Polar:

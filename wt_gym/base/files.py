@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import tempfile
+import threading
 import weakref
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -57,10 +58,10 @@ def read_json(path: Path, kind: type = dict) -> Any:
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a temporary path to write to, which takes the name of the file in the end: nobody ever meets half of it.
 
-    The folder of the file exists. Processes that write the same file at the same time do not disturb each other. Where
-    writing fails with an `OSError`, the file stays as it was and the temporary one is removed.
+    The folder of the file exists. Processes and threads that write the same file at the same time do not disturb each
+    other. Where writing fails with an `OSError`, the file stays as it was and the temporary one is removed.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = path.with_name(f".{path.name}.{threading.get_ident()}.{os.getpid()}.partial")
     try:
         yield partial
         with partial.open("rb+") as file:  # on the disk before the old content is gone

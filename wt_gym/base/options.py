@@ -138,7 +138,8 @@ class Option:
     def range_text(self) -> str:
         """Range of the number in words; empty where all numbers are allowed."""
         unit = f" {self.unit}" if self.unit not in ("", "-") else ""
-        low, high = f"{self.low:g}", f"{self.high:g}"
+        low, high = (str(end) if isinstance(end, int) and float(f"{end:g}") != end else f"{end:g}"
+                     for end in (self.low, self.high))  # fmt: skip
         if self.low == -math.inf and self.high == math.inf:
             return f"in{unit}" if unit else ""
         if self.high == math.inf:
@@ -273,9 +274,8 @@ class Option:
 
     def _wrong_name(self, value: Any) -> Any:
         """First name that is no choice."""
-        if isinstance(value, str):
-            return value
-        return next((name for name in value if name not in self.choices), None) if isinstance(value, Iterable) else None
+        names = value if isinstance(value, tuple | Mapping) else (value,)
+        return next((name for name in names if isinstance(name, str) and name not in self.choices), None)
 
     def within(self, number: float | None) -> bool:
         """Whether a number is finite and within the range."""
@@ -290,7 +290,8 @@ def _flag(_: Option, value: Any) -> bool | None:
 
 def _whole(declared: Option, value: Any) -> int | None:
     is_whole = isinstance(value, numbers.Integral) and not isinstance(value, bool | np.bool_)
-    return int(value) if is_whole and declared.within(real_number(value)) else None
+    is_whole = is_whole and real_number(value) is not None  # itself is compared: a float has no 63 bits
+    return int(value) if is_whole and declared.within(int(value)) else None
 
 
 def _number(declared: Option, value: Any) -> float | None:
@@ -313,7 +314,7 @@ def _pair(declared: Option, value: Any) -> tuple[float, ...] | None:
 
 def _several(form: Callable[[Option, Any], Any], once: bool = False, count: int = 0) -> Callable[[Option, Any], Any]:
     def forms(declared: Option, value: Any) -> tuple[Any, ...] | None:
-        if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping):
+        if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping) or not np.ndim(value):
             return None
         parts = tuple(form(declared, part) for part in value)
         wrong = None in parts or (once and len(set(parts)) < len(parts)) or (count and len(parts) != count)
@@ -817,5 +818,5 @@ def real_numbers(value: Any) -> tuple[float, ...]:
 def shown(value: Any) -> str:
     """How a refused value stands in a message: on one line, and shortened."""
     if isinstance(value, np.ndarray):
-        value = value.tolist() if value.size <= 9 else f"array of shape {value.shape}"
+        return f"{value.tolist()!r:.100}" if value.size <= 9 else f"array of shape {value.shape}"
     return f"{value!r:.100}".replace("\n", " ")

@@ -196,7 +196,10 @@ def environment_of(
         raise ValueError(f"the arguments of the environment must be a JSON object, got {kwargs!r}")
     kwargs = first | kwargs
     if given.get("site"):
-        kwargs["site"] = {**(kwargs.get("site") or {}), **dict(given["site"])}
+        site = kwargs.get("site") or {}
+        if not isinstance(site, dict):
+            raise ValueError(f"site must be a JSON object, got {site!r}")
+        kwargs["site"] = site | dict(given["site"])
     if wind := given.get("wind"):
         kwargs["inflow"] = list(wind) if len(wind) > 1 else wind[0]
     simulator = simulator or given.get("simulator", OWN_SIMULATOR)

@@ -232,10 +232,7 @@ def _inner_steps(env: Parts) -> tuple[float, int]:
 
 def _residual_pitch(options: EnvOptions, turbine: Turbine, action: ActionMap) -> ResidualPitch | None:
     """Filters of residual pitch, if there is such a pitch and any filter."""
-    try:
-        above = AboveRated.of_turbine(turbine, options.controller.residual_fade)
-    except ValueError as error:
-        raise ValueError(f"residual_{error}") from error
+    above = AboveRated.of_turbine(turbine, options.controller.residual_fade)
     residual = ResidualPitch(above, options.controller.residual_washout, action.n_mean)
     has_pitch = action.mode == "residual" and "pitch" in action.components
     return residual if has_pitch and (residual.fades or residual.washes) else None

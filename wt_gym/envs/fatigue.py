@@ -250,9 +250,12 @@ class Damage:
     worst_rate: ClassVar[float] = -math.inf
     """Lower bound of the rate [1/s]: there is none."""
 
+    def __post_init__(self) -> None:
+        self._given = self.loads
+
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode with the first sample."""
-        self.loads = default_loads(turbine) if self.loads is None else self.loads
+        self.loads = default_loads(turbine) if self._given is None else self._given
         self.counters = {load.channel: RainflowCounter(load.exponent, load.reference) for load in self.loads}
         self._take(signals)
         self.damage = 0.0

@@ -141,8 +141,8 @@ def time_scale(turbine: Turbine) -> float:
 class RowLayout(NamedTuple):
     """Places of the parts of an instant."""
 
-    signals: slice  #: Signals `_RECORDED`, and their means over the time before
-    lasting: slice  #: Signals `_RECORDED`, and their means over the time before
+    signals: slice  #: Signals `_RECORDED`
+    lasting: slice  #: Their means over the time before
     tower_top: slice  #: As `wt_gym.simulation.Simulator.reset` takes it
     means: slice  #: Running means of the loads `AVERAGED`
     turning: slice  #: Azimuth and speed of the low-speed shaft

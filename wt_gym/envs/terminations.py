@@ -95,8 +95,8 @@ class Limits:
     """Limits that terminate an episode."""
 
     rated: float  #: Rotor speed [rad/s]
-    overspeed: float  #: Highest and lowest rotor speed over rated
-    standstill: float  #: Highest and lowest rotor speed over rated
+    overspeed: float  #: Highest rotor speed over rated
+    standstill: float  #: Lowest rotor speed over rated
     penalty: float  #: Subtracted from the reward on termination
 
     def ending(self, signals: Signals, clearance: float) -> str | None:

@@ -16,7 +16,7 @@ import yaml
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import shipped_folder
-from wt_gym.base.options import Options, option, option_record, options_of, word_value
+from wt_gym.base.options import Options, option, option_record, options_of, real_number, word_value
 from wt_gym.tasks import TASKS
 
 _FOLDER, _RECIPES = shipped_folder() / "hyperparameters", shipped_folder() / "recipes"
@@ -28,8 +28,8 @@ def _or_falling(meaning: str, low: float, high: float) -> Any:
 
     def check(value: float | str) -> float | str:
         if isinstance(value, str):
-            number = word_value(value.removeprefix("lin_")) if value.startswith("lin_") else None
-            if not (isinstance(number, int | float) and low <= number <= high):
+            number = real_number(word_value(value.removeprefix("lin_"))) if value.startswith("lin_") else None
+            if number is None or not low <= number <= high:
                 raise ValueError(f"must be {allowed}, got {value!r}")
         return value
 

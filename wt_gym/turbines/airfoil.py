@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wt_gym.base.attached_flow import attached_lift
+from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.options import option, option_record
 from wt_gym.base.types import Array
 from wt_gym.turbines.checks import ArrayRecord, fail
@@ -87,8 +88,12 @@ class Airfoil(ArrayRecord):
     camber: Array = option("height over chord, to the suction side positive", shape=("camber",), low=-0.5, high=0.5)
     polar: Polar = option("static coefficients", kinds=(Polar,))
 
-    def _label(self) -> str:
-        return f"Airfoil({self.name})"
+    def __post_init__(self) -> None:
+        """Name the section in messages: a blade has several."""
+        try:
+            super().__post_init__()
+        except TurbineDefinitionError as error:
+            raise TurbineDefinitionError(f"airfoil {self.name!r}: {error}") from error
 
     def camber_at(self, x_c: ArrayLike) -> tuple[Array, Array]:
         """Return height and slope of the camber line.

@@ -388,7 +388,9 @@ class Turbine(ArrayRecord):
     pitch: PitchSystem = option("drives of the blades", kinds=(PitchSystem,))
     iec_class: str = option("of IEC 61400-1", choices=("I", "II", "III", "IV"))
     turbulence_class: str = option("of IEC 61400-1", choices=("A+", "A", "B", "C"))
-    notes: Notes = option("assumptions of the reader, where the file does not say it", default=(), kinds=(tuple,))
+    notes: Notes = option(
+        "assumptions of the reader, where the file does not say it", default=(), kinds=(tuple,), allowed="texts"
+    )
     control: ControlData | None = option("of its own controller, as published", default=None, kinds=(ControlData,))
     design_air_density: float | None = option(
         "of its controller", default=None, unit="kg/m^3", otherwise="``air_density``", low=0.1, high=10

@@ -249,7 +249,7 @@ def _distribute(
         if len(owners) > 1:
             raise ValueError(f"parameter {key!r} belongs to {' and '.join(owners)}; write {owners[0]}__{name}")
         parameter = allowed[owners[0]][name]
-        if turbine is not None and not parameter.belongs_to(turbine):
+        if value is not None and turbine is not None and not parameter.belongs_to(turbine):
             raise ValueError(
                 f"{name} must be left out for {turbine.name}: it is the {parameter.meaning}, got {value!r}"
             )
