@@ -223,6 +223,7 @@ def test_pitch_gain_multiplies_the_response_of_the_loads():
     one = response(1.0)
     assert abs(one) > 1e4
     assert response(1.25) / one == pytest.approx(1.25, rel=0.03)
+    assert response(0.75) / one == pytest.approx(0.75, rel=0.03)
 
 
 def test_encoders_read_the_scale_of_the_demand():
@@ -236,7 +237,6 @@ def test_encoders_read_the_scale_of_the_demand():
     assert true == pytest.approx(1.25 * demand, rel=0.1, abs=1e-3)
     assert read == pytest.approx(demand, rel=0.1, abs=1e-3)
     assert np.abs(demand).max() > 0.01
-    assert response(0.75) / one == pytest.approx(0.75, rel=0.03)
 
 
 # ---- sensors ----
