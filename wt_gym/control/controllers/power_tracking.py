@@ -133,11 +133,13 @@ class PowerTracking(DisconController):
             )
         super().__init__(constants)
         self.way, self.lowest_speed, self.band, self.raised = way, o.lowest_speed, o.band, o.raised
-        self.level, self.generator_efficiency = o.power_level, turbine.drivetrain.generator_efficiency
+        # in the order in which recorded starts hold the numbers
         self.shares, self.share_pitch = pitch_over_share(turbine)
         curve = constants.torque
+        self._power = curve.rated_power  # on the shaft of the generator [W]
         self._least_speed_share = min(_ABOVE_REGION_2 * curve.region_2_speed / curve.rated_generator_speed, 1.0)
-        self._power, self._measured = curve.rated_power, math.nan  # on the shaft of the generator [W], its speed
+        self._measured = math.nan  # speed of the generator [rad/s]
+        self.generator_efficiency, self.level = turbine.drivetrain.generator_efficiency, o.power_level
 
     @property
     def share(self) -> float:
