@@ -786,7 +786,7 @@ def test_an_addition_alone_is_no_controller(kind, turbine):
         ("yaw:dead_band=0.1,stop=0.1", "stop must be at least 0 and below dead_band, got 0.1 and 0.1 rad"),
         (
             "ipc:fade=0.9",
-            r"fade .* true or false, a number from 0.001 to 0.5 rad or a additions.FadeParameters, got 0.9",
+            r"fade .* true or false, a number from 0.001 to 0.5 rad or a FadeParameters, got 0.9",
         ),
         ("lidar:lidar=3", r"lidar .* must be a Lidar or None \(three gates by the rotor's size\), got 3"),
         ("lidar:filter_length=0.6", "nearest gate of the lidar, 63 m"),
@@ -825,7 +825,7 @@ def test_wrong_arguments_are_named(turbine):
 @pytest.mark.parametrize(
     ("made", "message"),
     [
-        ((0.1, 0.0, 4e4), r"TsrTrackingController \+ additions.YawByDeadBand gave \(0\.1"),
+        ((0.1, 0.0, 4e4), r"TsrTrackingController \+ YawByDeadBand gave \(0\.1"),
         (Demand(np.zeros(2), 0.0, 4e4), r"pitch demand .* must have shape \(3,\), one angle a blade; got \(2,\)"),
         (Demand(0.1, 0.0, 4e4), r"pitch demand .* must have shape \(3,\), one angle a blade; got \(\)"),
         (Demand(np.array([0.1, math.nan, 0.1]), 0.0, 4e4), "must be finite, got"),
