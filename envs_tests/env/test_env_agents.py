@@ -176,7 +176,7 @@ def test_evaluation_is_saved_and_read_back(evaluation, tmp_path):
         (["train", "--wind-speed", "60"], "between 0.5 and 50 m/s"),
         (["train", "--env-kwargs", "[1]"], "must be a JSON object"),
         (["simulate", "--wind-speed", "nan"], "wind_speed must be numbers from 0 to 50 m/s, got (nan,)"),
-        (["simulate", "--turbulent", "--wind-speed", "0.1"], "from 0.5 to 50 m/s with --turbulent, got 0.1"),
+        (["simulate", "--turbulent", "--wind-speed", "0.1"], "from 0.5 m/s with --turbulent, got 0.1"),
         (["simulate", "--duration", "-5"], "duration must be a number from 1 to 1e+06 s, got -5.0"),
     ],
 )

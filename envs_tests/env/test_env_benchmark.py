@@ -11,6 +11,7 @@ import pytest
 from stable_baselines3 import PPO
 from turbine_contract import PLAIN
 
+from wt_gym.base.errors import BenchmarkError
 from wt_gym.experiment.benchmark import (
     ResultFolder,
     entry_of,
@@ -171,6 +172,22 @@ def test_trained_models_run_as_they_were_trained(model):
     result = play_task(task, task.winds[0], entry.make, entry.interface)
     assert result["ending"] == "time"
     assert result["metrics"] != played("zero")["metrics"]
+    with pytest.raises(BenchmarkError, match=r"must be among action_mode, .*, got wind_speed, fidelity"):
+        make_env(task, task.winds[0], {"wind_speed": 5.0, "fidelity": "engineering"})
+
+
+def test_a_model_of_another_task_keeps_its_own_bounds(model):
+    """Gusts has four degrees of the mean and no fade; the ids of load reduction have others."""
+    path, task = model / "training.json", short()
+    before = path.read_text(encoding="utf-8")
+    kwargs = PLAIN | {"pitch": "collective", "action_components": ["pitch"]}
+    other = {"environment": resolved_arguments("wt_gym/Gusts-v3", kwargs)}
+    path.write_text(json.dumps(json.loads(before) | other), encoding="utf-8")
+    interface = entry_of(str(model)).interface
+    path.write_text(before, encoding="utf-8")
+    env = make_env(task, task.winds[0], interface).unwrapped
+    assert env.layout.action.pitch_high == pytest.approx(np.radians([4.0]))
+    assert env.operation.residual is None
 
 
 def test_another_model_is_another_run(model):

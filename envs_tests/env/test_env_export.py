@@ -76,7 +76,7 @@ def test_default_networks_round_and_wrong_files_are_refused(net_arch, tmp_path):
         check_onnx(replace(network, layers=layers), tmp_path / "policy.onnx")
 
 
-def test_statistics_of_the_training_are_inside(tmp_path):
+def test_statistics_of_the_training_are_inside():
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 

@@ -107,7 +107,9 @@ AGENTS = {
         "observation": ["rotor", "wind", "previous_action", "dead_band"],
     }),
 }  # fmt: skip
-HELD = ("PPO", torch.nn.Tanh, {"pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": True})
+HELD = ("PPO", torch.nn.Tanh, {
+    "pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": True, "episode_length": None,
+})  # fmt: skip
 """An agent that sees deflections, which no turbine measures."""
 
 

@@ -27,8 +27,8 @@ def test_thousands_of_steps_find_no_fault(least):
     faults, steps = [], 0
     for result in fuzz(least, NREL):
         faults += [f"{finding.case}: {finding.message}" for finding in result.findings if finding.is_fault]
-        steps += result.steps
-    assert steps > 0.99 * least  # a case in which no start succeeds counts one
+        steps += max(result.steps, 1)  # a case in which no start succeeds counts one
+    assert steps >= least
     assert not faults
 
 

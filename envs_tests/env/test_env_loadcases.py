@@ -1,11 +1,13 @@
 """Load cases in the simulator: what an agent does not survive is a result, and processes give the same files."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import gymnasium as gym
 import pytest
 from turbine_contract import PLAIN
 
+from wt_gym.base.errors import SimulationError
 from wt_gym.envs.layout import layout_of
 from wt_gym.experiment.agents import load_agent
 from wt_gym.experiment.execute import executor_for
@@ -34,6 +36,13 @@ def test_a_runaway_is_a_result(env, baseline, monkeypatch):
     assert 33.0 < result["time"] < 36.0
     assert result["extremes"]["rotor_speed_max"] > 1.06 * 1.267
     assert set(result["extremes"]) == set(EXTREMES)
+
+
+def test_a_start_that_fails_is_a_result(env, baseline, monkeypatch):
+    env.reset(seed=0)
+    monkeypatch.setattr(env.unwrapped.simulator, "reset", Mock(side_effect=SimulationError("no start")))
+    result = run_agent(env, baseline, DesignSituation("EOG", 14.0, 60.0))
+    assert (result["ending"], result["failure"], result["extremes"]) == ("failure", "no start", None)
 
 
 def test_a_turbine_that_is_shut_down_has_come_through(env, baseline):

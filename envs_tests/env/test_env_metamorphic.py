@@ -25,7 +25,15 @@ from wt_gym.simulation.recorder import Recorder
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import mirrored
-from wt_gym.wind import MirroredInflow, SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
+from wt_gym.wind import (
+    MirroredInflow,
+    PathInflow,
+    SteadyInflow,
+    TransientInflow,
+    TurbulenceBox,
+    TurbulentInflow,
+    TurningInflow,
+)
 from wt_gym.wind.inflow import PointInflow
 
 AGENTS = sorted(path.parent for path in (shipped_folder() / "trained").glob("*/model.zip"))
@@ -201,17 +209,20 @@ LEFT_AND_RIGHT = np.array([1.0, -1.0, 1.0])
 
 
 def image_of(inflow):
-    """The wind that is another one's mirror image at y = 0, of its own numbers and not by reflected points."""
+    """Mirror image at y = 0 of a wind or a box, of its own numbers and not by reflected points."""
     if isinstance(inflow, SteadyInflow):
         return replace(inflow, veer=-inflow.veer, yaw_misalignment=-inflow.yaw_misalignment)
     if isinstance(inflow, TransientInflow):
         turned = replace(inflow, steady=image_of(inflow.steady), direction_amplitude=-inflow.direction_amplitude)
         # an extreme shear across the wind, which has an amplitude of speed, is on the other side
         return replace(turned, speed_amplitude=-inflow.speed_amplitude) if inflow.kind == "EWS-horizontal" else turned
+    if isinstance(inflow, TurbulenceBox):
+        fluctuation = np.ascontiguousarray(inflow.fluctuation[:, :, ::-1]) * LEFT_AND_RIGHT.astype(np.float32)
+        return replace(inflow, fluctuation=fluctuation, y_center=0.0 - inflow.y_center)
     if isinstance(inflow, TurbulentInflow):
-        fluctuation = np.ascontiguousarray(inflow.box.fluctuation[:, :, ::-1]) * LEFT_AND_RIGHT.astype(np.float32)
-        box = replace(inflow.box, fluctuation=fluctuation, y_center=0.0 - inflow.box.y_center)
-        return TurbulentInflow(box, image_of(inflow.steady), inflow.time_offset)
+        return TurbulentInflow(image_of(inflow.box), image_of(inflow.steady), inflow.time_offset)
+    if isinstance(inflow, PathInflow):
+        return replace(inflow, profile=image_of(inflow.profile), box=image_of(inflow.box))
     if isinstance(inflow, TurningInflow):
         return TurningInflow(image_of(inflow.inner), inflow.times, -inflow.directions)
     return MirroredInflow.of(inflow)

@@ -21,6 +21,7 @@ from wt_gym.experiment.robustness import (
     NOMINAL,
     Gain,
     Robustness,
+    base_of,
     chosen,
     run_robustness,
 )
@@ -33,6 +34,17 @@ TERMS = [term.metric for term in load_task(COST_TASK).terms]
 
 def metrics(**changes):
     return dict.fromkeys(TERMS, 1.0) | changes
+
+
+@pytest.mark.parametrize(
+    ("choice", "env_id", "arguments", "base"),
+    [
+        ("agents/trained/load_reduction_on_linear_optimal", TASK, {}, "linear_optimal"), ("ipc", TASK, {}, None),
+        ("zero", TASK, {"controller": "ipc"}, "ipc"), ("zero", "wt_gym/NREL5MW-Turbulent-v1", {}, None),
+    ],
+)  # fmt: skip
+def test_the_base_of_an_agent(choice, env_id, arguments, base):
+    assert base_of(choice, env_id, arguments) == base
 
 
 def test_gains_are_paired_wind_by_wind():

@@ -270,7 +270,12 @@ def test_a_tower_on_a_monopile_is_not_that_on_land():
     assert [record_store._is_of_catalog("iea_15mw", one) for one in (land, monopile)] == [True, False]
 
 
-def test_a_counter_clockwise_rotor_starts_as_the_mirror_image(turbine):
+def test_a_counter_clockwise_rotor_starts_as_the_mirror_image(turbine, brief):
+    start = Record(3, 45, np.array([15.0]), brief[2], brief[1]).at(turbine, 0)
+    image, side_side = start.mirrored(3), "tower_base_side_side_moment"
+    assert image.deviations[side_side] == -start.deviations[side_side]
+    np.testing.assert_array_equal(image.deviations["root_flap_moment"], start.deviations["root_flap_moment"])
+    np.testing.assert_array_equal(image.trail, start.trail * parities(3))
     box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
     wind = TurbulentInflow(box)
     winds = (wind, None), (MirroredInflow(wind), {"rotation": "counter-clockwise"})

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import MISSING, replace
+from unittest.mock import Mock
 
 import gymnasium as gym
 import numpy as np
@@ -197,6 +198,21 @@ def test_one_training_at_a_time_in_a_folder(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_dead_training_holds_nobody_up_and_only_what_a_training_wrote_is_cleared(tmp_path):
+    dead = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
+    (tmp_path / "training.lock").write_bytes(dead.stdout)
+    (tmp_path / "checkpoints").mkdir()
+    mine, left = (tmp_path / "checkpoints" / name for name in ("mine.pt", "ppo_5_steps.zip"))
+    mine.touch()
+    with RunFolder(tmp_path) as run:
+        assert int((tmp_path / "training.lock").read_text()) == os.getpid()
+        assert not run.used
+        left.touch()
+        assert run.used
+        run.clear()
+        assert (mine.exists(), left.exists()) == (True, False)
+
+
 def test_a_training_is_overwritten_on_demand_only(tmp_path):
     train(replace(SMALL, checkpoint_steps=32), tmp_path, progress=False)
     (tmp_path / "notes.txt").write_text("mine")
@@ -363,6 +379,10 @@ def test_more_steps_hold_for_every_seed_however_often_the_series_is_stopped(tmp_
         return resume(folder, **options)
 
     with monkeypatch.context() as patch:
+        patch.setattr(seeds_module, "resume", Mock(side_effect=MemoryError))
+        with pytest.raises(MemoryError):
+            resume_seeds(tmp_path, total_steps=80, progress=False)
+        assert json.loads((tmp_path / "seeds.json").read_text())["config"]["total_steps"] == 80
         patch.setattr(seeds_module, "resume", stop_at_once)
         summary = resume_seeds(tmp_path, total_steps=96, progress=False)
     assert (summary["status"], [run["seed"] for run in summary["runs"]]) == ("interrupted", [1])

@@ -1,5 +1,6 @@
 """Relative rewards: what the controller alone earns is recorded once a beginning and never simulated again."""
 
+import contextlib
 import math
 import pickle
 from dataclasses import replace
@@ -11,6 +12,7 @@ import pytest
 from wt_gym.envs import twin as reward_store
 from wt_gym.envs.rewards import FunctionTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.experiment.environments import Environments
 from wt_gym.simulation import Simulator
 from wt_gym.wind import MirroredInflow, SteadyInflow
@@ -251,7 +253,22 @@ def test_an_evaluation_begins_where_no_training_does():
         assert repr(evaluated.episode_wind.inflow) not in known
 
 
-def test_a_baseline_on_a_path_is_recorded_once(tmp_path):
+def test_copies_in_a_vector_pay_what_single_ones_do():
+    """All of them in the same beginning at the same time."""
+    arguments = ARGUMENTS | {"starts": 1}
+    with contextlib.closing(WindTurbineVectorEnv(3, threads=2, **arguments)) as vector:
+        vector.reset(seed=[1, 2, 3])
+        actions = np.random.default_rng(0).uniform(-1.0, 1.0, (10, 3, 3))
+        rewards = np.array([vector.step(action)[1] for action in actions])
+        assert len({id(env.terms["twin"].course) for env in vector.envs}) == 1
+    reward_store._courses.clear()
+    for k in range(3):
+        env = WindTurbineEnv(**arguments)
+        env.reset(seed=k + 1)
+        assert [env.step(action)[1] for action in actions[:, k]] == rewards[:, k].tolist()
+
+
+def test_a_baseline_on_a_path_is_recorded_once():
     """Drawn with turbulence; another path, offset, scale, profile or mirror image is another one."""
     path = ARGUMENTS | {"inflow": "path", "wind_speed": (9.0, 17.0)}
     first, again = WindTurbineEnv(**path), WindTurbineEnv(**path)

@@ -226,6 +226,19 @@ def test_pitch_gain_multiplies_the_response_of_the_loads():
     assert response(0.75) / one == pytest.approx(0.75, rel=0.03)
 
 
+def test_encoders_read_the_scale_of_the_demand():
+    env = make(variation={"pitch_gain": 1.25}, observation=("pitch",), pitch="individual", episode_length=20.0)
+    env.reset(seed=2)
+    for _ in range(10):
+        env.step(np.where(env.action_names == env.action_names[0], 0.3, 0.0))
+    demand, true, read = (
+        p - p.mean() for p in (env.demand.pitch, env.signals["pitch"], env.operation.readings()["pitch"])
+    )
+    assert true == pytest.approx(1.25 * demand, rel=0.1, abs=1e-3)
+    assert read == pytest.approx(demand, rel=0.1, abs=1e-3)
+    assert np.abs(demand).max() > 0.01
+
+
 # ---- sensors ----
 
 

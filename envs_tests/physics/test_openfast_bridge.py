@@ -92,7 +92,7 @@ class TestSteady:
     def rows(cls, turbine):
         return run(simulator(turbine), 20.0)
 
-    def test_power_torque_and_speed(self, rows, turbine):
+    def test_power_torque_and_speed(self, rows):
         last = rows[-1]
         assert last["time"] == pytest.approx(20.0)
         assert last["generator_power"] == pytest.approx(1.7e6, rel=0.06)

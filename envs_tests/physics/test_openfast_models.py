@@ -14,7 +14,10 @@ import pytest
 from wt_gym.experiment.run import run_baseline
 from wt_gym.simulation import Recorder, Simulator
 from wt_gym.simulation.campbell import campbell
+from wt_gym.structure.beam import Beam, BeamSections
+from wt_gym.structure.modes import clamped_modes, select_modes
 from wt_gym.turbines import load_turbine
+from wt_gym.turbines.blade import rotation_about_z
 from wt_gym.turbines.openfast import read_openfast
 from wt_gym.turbines.openfast_text import TextFile
 from wt_gym.wind import SteadyInflow
@@ -53,6 +56,37 @@ def test_frequencies_are_those_of_the_windio_turbine(path, name, blade):
     assert len(modes) >= 7
     for mode in modes:
         assert found[mode] == pytest.approx(wanted[mode], rel=0.01), mode
+
+
+@pytest.mark.parametrize(
+    ("path", "blade_file", "least"),
+    [
+        (NREL_5MW, "NRELOffshrBsline5MW_Blade.dat", 0.98),
+        (IEA_15MW, "../IEA-15-240-RWT/IEA-15-240-RWT_ElastoDyn_blade.dat", 0.98),
+        (BAR_10, "BAR_10_ElastoDyn_blade.dat", 0.94),  # its polynomial is not that of the blade in the file
+        (NREL_2P8, "NREL-2p8-127_ElastoDyn_blade.dat", 0.98),
+    ],
+)
+def test_blades_swing_as_their_own_mode_shapes_say(path, blade_file, least):
+    """Rayleigh's quotient of the file's flapwise shape bounds the frequency of the blade without twist from above."""
+    blade, file, x = (
+        read_openfast(path, blade="elastodyn").blade,
+        TextFile(path.parent / blade_file),
+        np.linspace(0.0, 1.0, 2001),
+    )
+    table = file.table("NBlInpSt", "BlFract")
+    terms = [(k, file.number(f"BldFl1Sh({k})")) for k in range(2, 7)]
+    shape = sum(c * x**k for k, c in terms)
+    curvature = sum(c * k * (k - 1) * x ** (k - 2) for k, c in terms) / blade.length**2
+    mass = np.interp(x, table["blfract"], table["bmassden"]) * file.number("AdjBlMs")
+    stiffness = np.interp(x, table["blfract"], table["flpstff"]) * file.number("AdjFlSt")
+    bound = np.sqrt(np.trapezoid(stiffness * curvature**2, x) / np.trapezoid(mass * shape**2, x)) / (2.0 * np.pi)
+    s, turn = blade.structure, rotation_about_z(np.radians(table["strctwst"]))
+    back, rigid = np.swapaxes(turn, -1, -2), np.isinf(s.stiffness)
+    untwisted = np.where(rigid, np.inf, turn @ np.where(rigid, 0.0, s.stiffness) @ back)
+    straight = np.outer(s.station, [0.0, 0.0, 1.0])
+    modes = clamped_modes(Beam(BeamSections(s.station, untwisted, turn @ s.inertia @ back, straight), 24), 8)
+    assert least * bound < modes.frequency[select_modes(modes, flap=1)[0]] < 1.002 * bound
 
 
 @pytest.mark.parametrize(("path", "discon"), [(NREL_5MW, "DISCON.IN"), (NREL_2P8, "NREL-2p8-127_DISCON.IN")])

@@ -50,8 +50,12 @@ def test_values_and_differences_are_shown_in_their_unit():
     assert format_difference("pitch_travel", np.radians(5.0), 0.0) == "+5.0 deg"
     assert format_difference("tip_clearance_min", -0.2, 0.3) == "\u22120.50 m"
     assert format_difference("yaw_travel", 0.0, 0.0) == "="
-    assert difference_class("tip_clearance_min", 4.0, 5.0) == difference_class("overspeed_count", 1.0, 0.0) == "worse"
-    assert difference_class("mean_power", 5.02e6, 5e6) == "equal"
+    for key, value, reference, kind in (
+        ("mean_power", 5.2e6, 5e6, "better"), ("mean_power", 4.8e6, 5e6, "worse"), ("mean_power", 5.02e6, 5e6, "equal"),
+        ("tower_fore_aft_del", 4e6, 5e6, "better"), ("tip_clearance_min", 4.0, 5.0, "worse"),
+        ("rotor_speed_mean", 1.0, 2.0, "none"), ("overspeed_count", 1.0, 0.0, "worse"),
+    ):  # fmt: skip
+        assert difference_class(key, value, reference) == kind
 
 
 def test_relative_changes_against_zero_have_no_number():

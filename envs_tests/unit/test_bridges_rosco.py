@@ -4,8 +4,10 @@ import contextlib
 import importlib.util
 import math
 import re
+import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -131,7 +133,31 @@ def test_order_and_neutral_values_are_those_of_the_package():
     assert [field.neutral for field in SET_POINTS] == told["setpoints_default"]
 
 
-def test_each_turbine_has_its_own_answers_and_the_last_one_ends_the_server(caplog):
+def test_the_packages_own_server_reads_the_same(monkeypatch):
+    """Its parser on the same bytes, and what it sends read by this client."""
+    if importlib.util.find_spec("rosco") is None:
+        pytest.skip("the package rosco is not installed: pip install --no-deps rosco")
+    yaml = pytest.importorskip("yaml")
+    files = SimpleNamespace(load_yaml=lambda path: yaml.safe_load(Path(path).read_text(encoding="utf-8")))
+    monkeypatch.setitem(sys.modules, "rosco.toolbox.ofTools.util.FileTools", files)  # which needs more packages
+    module = importlib.import_module("rosco.toolbox.control_interface")
+    with monkeypatch.context() as quiet:
+        quiet.setattr(module.logging, "disable", lambda: None)  # for the whole process
+        theirs = module.wfc_zmq_server("tcp://127.0.0.1:*", timeout=20.0)
+    with contextlib.closing(zmq.Context().socket(zmq.REQ)) as client:
+        client.connect(theirs.socket.getsockopt_string(zmq.LAST_ENDPOINT))
+        client.send(text_of(VALUES))
+        found, ours = theirs._get_measurements(), read_message(text_of(VALUES))
+        assert (found["HorWindV"], found["NacVane"]) == (ours.wind_speed, pytest.approx(math.degrees(ours.yaw_error)))
+        assert tuple(found[f"rootMOOP({b})"] for b in (1, 2, 3)) == ours.out_of_plane_moments
+        theirs.connections._add_unique(3)
+        theirs.connections.setpoints[3] = dict(zip(theirs.wfc_interface["setpoints"], NEUTRAL, strict=True))
+        theirs._send_setpoints(3)
+        assert read_as_c(client.recv() + b"\0") == NEUTRAL
+        theirs._disconnect()
+
+
+def test_each_turbine_has_its_own_answers_and_the_last_one_ends_the_server():
     answers = Counting()
     with serving(answers, 0, 7) as (one, two, ended):
         assert one.ask(first(0))[0] == 1.0

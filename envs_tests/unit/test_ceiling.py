@@ -202,7 +202,7 @@ def test_a_pass_that_breaks_a_limit_does_not_count(turbine):
     assert len(asked) == options.passes
 
 
-def test_what_has_no_meaning_is_refused(turbine, tmp_path):
+def test_what_has_no_meaning_is_refused(turbine):
     with pytest.raises(ValueError, match=r"must last, it ended with overspeed"):
         learn_offsets(lambda levels: None, Played(None, None, ("overspeed",)), plant_of(TAP, turbine), turbine)
 
@@ -272,7 +272,7 @@ def test_beams_have_the_mean_that_the_lidar_reads():
 # ---------------------------------------------------------------- runs, files, tables
 
 
-def test_runs_that_are_kept_are_not_made_again(turbine, monkeypatch, tmp_path):
+def test_runs_that_are_kept_are_not_made_again(monkeypatch, tmp_path):
     played = []
 
     class Player:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 import numpy as np
@@ -16,7 +17,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.version import Version
 
-from wt_gym.base.compiled import _digest, _stamp, digest_of, kernel, way_to_compile
+from wt_gym.base.compiled import _digest, _readable_data, _stamp, _with_checksum, digest_of, kernel, way_to_compile
 from wt_gym.multibody.tree.rotation_kernels import rotation_exp
 
 ROOT = Path(__file__).parents[2]
@@ -325,6 +326,12 @@ def test_a_damaged_cache_file_is_compiled_again_with_one_line(modules, ending, d
     assert re.search(rf"\.{ending} is damaged: such kernels are compiled again", done.stderr)
     again = process(RUN, [ROOT, modules])
     assert (float(again.stdout.split()[0]), again.stderr) == (first[0], "")
+
+
+def test_code_with_types_that_have_moved_is_compiled_again(tmp_path):
+    file = SimpleNamespace(_data_path=tmp_path.joinpath)
+    (tmp_path / "moved.nbc").write_bytes(_with_checksum(bytes, b"cno_such_module\nArrays\n."))
+    assert _readable_data(file, "moved.nbc") is None
 
 
 def test_every_kernel_notices_a_change_of_any_kernel_file(tmp_path):

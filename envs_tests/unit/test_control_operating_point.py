@@ -92,7 +92,7 @@ def test_operating_points_rise_with_the_wind(name):
     assert speeds[-1] == turbine.drivetrain.rated_rotor_speed
 
 
-def test_iea_15mw_follows_its_design(turbine):
+def test_iea_15mw_follows_its_design():
     # NREL/TP-5000-75698: pitch about 12 deg at 15 m/s, rated torque about 19.8 MN m.
     point = operating_point(load_turbine("iea_15mw"), 15.0)
     assert math.degrees(point.pitch) == pytest.approx(12.0, abs=1.0)

@@ -176,6 +176,9 @@ def test_an_agent_moves_the_set_point_within_its_limits():
     controller = supervised()
     rotor = Rotor(controller, 18.0, RATED, 0.25, 4e4).run(10.0, 18.0)
     controller.asked = -0.2
+    before = controller.set_point
+    rotor.run(DT, 18.0)
+    assert before - controller.set_point == pytest.approx(DT / controller.run_up)  # of rated speed in a start-up
     rotor.run(60.0, 18.0)
     assert rotor.speed / RATED == pytest.approx(0.8, rel=0.02)
     assert rotor.torque * GEAR * rotor.speed == pytest.approx(0.8 * 5.297e6, rel=0.03)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import gymnasium as gym
 import pytest
+from filelock import FileLock
 
 import wt_gym
 from envs_tests.physics.validation import Case, CaseResult, Check, read_record, source_commit, update_record
@@ -47,8 +48,15 @@ def build(folder, *options):
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    return build(tmp_path_factory.mktemp("docs"), "-D", "nb_execution_mode=off")
+def site(tmp_path_factory, worker_id):
+    """The site without running its notebooks, built once for all test processes."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own if worker_id == "master" else own.parent) / "docs"
+    with FileLock(f"{folder}.lock"):
+        if not (folder / "built").exists():
+            build(folder, "-D", "nb_execution_mode=off")
+            (folder / "built").touch()
+    return folder / "site"
 
 
 def text_of(page):

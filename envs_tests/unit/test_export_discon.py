@@ -695,7 +695,7 @@ def test_points_are_told_by_where_they_are_and_speeds_along_beams_are_scaled(exp
     assert abs(found[-1].pitch[0] - readings[0]["pitch_1"]) > 1e-3
 
 
-def test_a_lidar_with_more_gates_than_there_are_records_is_refused(tmp_path, monkeypatch):
+def test_a_lidar_with_more_gates_than_there_are_records_is_refused(tmp_path):
     turbine = load_turbine("nrel_5mw")
     many = Lidar(tuple(60.0 + k for k in range(125)))
     with pytest.raises(ValueError, match="a lidar on the Bladed interface must have at most 124 gates, got 125"):

@@ -678,7 +678,7 @@ def test_winds_of_the_same_pitch_are_refused(turbine, toy_runs, monkeypatch):
         (["--turbine", "nrel_6mw"], "nrel_6mw"),
     ],
 )
-def test_the_command_refuses(words, message, tmp_path, monkeypatch, capsys):
+def test_the_command_refuses(words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as end:
         run_command("design", ["linear_optimal", "--out", "mine.npz", *words])

@@ -53,6 +53,10 @@ class Bandit(gym.Env):
 
 def test_the_multiplier_comes_to_that_of_the_constrained_optimum():
     budgeted = BudgetedVecEnv(DummyVecEnv([Bandit] * 4), {"effort": ALLOWED}, rate=0.2)
+    budgeted.reset()
+    budgeted.step(np.full((4, 1), -1.0))
+    budgeted.update()
+    assert (budgeted.spent, budgeted.multipliers) == ({"effort": 0.0}, {"effort": 0.0})  # what is left costs nothing
     model = ArrayPPO(
         "MlpPolicy", VecNormalize(budgeted, norm_obs=False, gamma=0.9), n_steps=64, batch_size=128, n_epochs=4,
         learning_rate=1e-2, gamma=0.9, seed=1, device="cpu", policy_kwargs={"net_arch": [8], "log_std_init": -1.5},

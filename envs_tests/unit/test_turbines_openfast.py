@@ -210,7 +210,7 @@ class TestWhatTheFilesSay:
         assert read.blade.airfoils[0].relative_thickness == pytest.approx(1.0, rel=0.01)  # a cylinder
         assert len(notes_with(read, "no coordinates")) == 8
 
-    def test_a_tower_without_diameters_is_a_thin_steel_tube(self, model, nrel_5mw, tmp_path):
+    def test_a_tower_without_diameters_is_a_thin_steel_tube(self, model, tmp_path):
         path = model.write(tmp_path)
         file = tmp_path / "aero" / "ad.dat"
         text = file.read_text()
@@ -614,6 +614,7 @@ class TestCheckInSteadyWinds:
         assert verdict(nrel_5mw, replace(point, power=0.0)) == "0% of blade elements' power"
         assert verdict(nrel_5mw, replace(point, deviation=0.03)) == "the rotor speed moves by 3.0 % of rated"
         assert verdict(nrel_5mw, replace(point, failure="simulation failed")) == "simulation failed"
+        assert verdict(nrel_5mw, replace(point, wind=18.0, rotor_speed=1.267, power=4.9e6)) == "98.0% of rated power"
         fast = SteadyRun(18.0, 1.03 * nrel_5mw.drivetrain.rated_rotor_speed, 0.25, 5e6, 4e5, 0.0)
         assert verdict(nrel_5mw, fast) == "103.0% of the operating point's rotor speed"
 

@@ -6,6 +6,8 @@ import re
 import time
 from contextlib import nullcontext
 from dataclasses import asdict
+from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -379,6 +381,16 @@ def test_odd_yaml_is_refused_without_a_traceback(text, tmp_path):
     path = tmp_path / "turbine.yaml"
     path.write_bytes(text.encode(errors="surrogateescape"))
     with pytest.raises(TurbineDefinitionError, match=r"turbine\.yaml"):
+        load_turbine(path)
+
+
+def test_files_that_cannot_be_read_are_refused(tmp_path, monkeypatch):
+    path = save(small_turbine(), tmp_path)
+    path.with_name("turbine.control.json").write_bytes(b"\xff")
+    with pytest.raises(TurbineDefinitionError, match=r"turbine\.control\.json: must be UTF-8 text"):
+        load_turbine(path)
+    monkeypatch.setattr(Path, "read_bytes", Mock(side_effect=PermissionError(13, "Permission denied")))
+    with pytest.raises(TurbineDefinitionError, match=r"turbine\.yaml: cannot be read: Permission denied"):
         load_turbine(path)
 
 

@@ -215,13 +215,16 @@ def _readable_index(file: Any, load: Callable[[], dict[Any, str]]) -> dict[Any, 
 
 
 def _readable_data(file: Any, name: str) -> Any:
-    """Machine code from a file; None, which has it compiled again, where the file is damaged."""
+    """Machine code from a file; None, which has it compiled again, where it is damaged or has types that have moved."""
     path = Path(file._data_path(name))
     content = _checked(path.read_bytes())
     if content is None:
         _tell_of_damage(path)
         return None
-    return pickle.loads(content)
+    try:
+        return pickle.loads(content)
+    except (AttributeError, ImportError):
+        return None
 
 
 def _with_checksum(dump: Callable[[Any], bytes], value: Any) -> bytes:

@@ -219,6 +219,7 @@ def harmonic(time: np.ndarray, x: np.ndarray, low: float, high: float) -> tuple[
     "observer-frame-rotor",
     "Blade and shaft: tip loads spin the rotor up; 16 modes against finite elements",
     PAPER,
+    quick=False,
 )
 def spin_up() -> CaseResult:
     """Load case 1, figure 3."""
@@ -417,6 +418,7 @@ def figures_of(runs, name):
     "observer-frame-follower",
     "Load in the deformed state, consistent levers, and how many modes it needs",
     PAPER,
+    quick=False,
 )
 def follower() -> CaseResult:
     """Load case 2, figure 4."""
@@ -517,6 +519,7 @@ def exact_follower(force, n=2000):
     "observer-frame-follower-printed",
     "Eq. (4) as printed: a couple at the tip, and where it has a solution",
     PAPER,
+    quick=False,
 )
 def printed() -> CaseResult:
     """Load case 2 with the couple u × p at the loaded section."""
@@ -567,6 +570,7 @@ def reference_runs():
     "observer-frame-references",
     "Three reference conditions: similar response, smaller displacement from the frame",
     PAPER,
+    quick=False,
 )
 def references() -> CaseResult:
     """Load case 2, figure 5, with finite elements and with 10 modes."""
@@ -675,6 +679,7 @@ def follow(speed, n_modes, prediction):
     "observer-frame-printed-update",
     "Frame updates (9)–(12) as printed: where they work",
     f"{PAPER}, eqs. (9)–(12)",
+    quick=False,
 )
 def printed_updates() -> CaseResult:
     """The frame takes φ̈ of the last instant with it: harmless for few modes, and for finite elements turning slowly."""
@@ -715,6 +720,7 @@ def printed_updates() -> CaseResult:
     "observer-frame-threshold",
     "Frame updates on demand: tip and speed against updates in every step",
     PAPER,
+    quick=False,
 )
 def thresholds() -> CaseResult:
     """Load case 1 with 16 modes, updated when the rigid-body displacement exceeds a threshold."""
