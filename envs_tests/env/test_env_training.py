@@ -6,7 +6,7 @@ import pickle
 import signal
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import MISSING, replace
 from unittest.mock import Mock
 
 import gymnasium as gym
@@ -304,6 +304,7 @@ def test_nothing_is_left_to_resume(copied, tmp_path):
     ("changes", "message"),
     [
         ({"config": None}, "must be a TrainingConfig or a mapping"),
+        ({"config": MISSING}, "must be a TrainingConfig or a mapping"),
         ({"config": {"n_steps": 64}}, "training has no option 'n_steps'"),
         ({"curve": {"steps": [1, 2]}}, "its curve must have the columns"),
         ({"wall_seconds": "long"}, "wall_seconds is 'long'"),
@@ -312,6 +313,7 @@ def test_nothing_is_left_to_resume(copied, tmp_path):
 )
 def test_damaged_records_are_not_resumed(copied, changes, message):
     record = json.loads((copied / "training.json").read_text()) | changes
+    record = {name: value for name, value in record.items() if value is not MISSING}
     (copied / "training.json").write_text(json.dumps(record))
     with pytest.raises(ValueError, match=message):
         resume(copied, total_steps=128, progress=False)

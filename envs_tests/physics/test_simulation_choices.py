@@ -126,6 +126,7 @@ def test_a_snapshot_with_a_stretched_quaternion_is_refused():
         ({"moving_bodies": True}, "needs a tower_body or a nacelle_body"),
         ({"tower_shapes": ELASTODYN_NREL_5MW_TOWER, "tower_modes": (3, 2, 0)}, r"holds \(2, 2\) shapes"),
         ({"tower_shapes": ELASTODYN_NREL_5MW_TOWER, "tower_coordinates": "nodal"}, "needs modal coordinates"),
+        ({"tower_shapes": ((1.0,), (1.0,))}, r"tower_shapes must be two tuples .*, got \(\(1.0,\), \(1.0,\)\)"),
         ({"blade_basis": "deformed", "blade_coordinates": "nodal"}, "needs blade_coordinates 'modal'"),
         ({"frame_update": 0.1}, r"frame_update is 0\.1, but the formulation is 'embedded'"),
         ({"frame_displacement": "linear"}, "frame_displacement is 'linear', but the formulation is 'embedded'"),
@@ -135,6 +136,13 @@ def test_a_snapshot_with_a_stretched_quaternion_is_refused():
 def test_fidelities_without_meaning_are_refused(change, message):
     with pytest.raises(SimulationError, match=message):
         replace(FIDELITIES["training"], **change)
+
+
+@pytest.mark.parametrize("fidelity", [*FIDELITIES.values(), Fidelity(tower_modes=(2, 2, 0),
+                                      tower_shapes=ELASTODYN_NREL_5MW_TOWER, tower_body=(8, 8))])  # fmt: skip
+def test_a_fidelity_comes_back_from_json_as_the_same_key(fidelity):
+    again = Fidelity.from_json(fidelity.to_json())
+    assert (again, hash(again)) == (fidelity, hash(fidelity))
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ WRONG = {
 }
 RIGHT = {
     "seed": (0, np.int64(3), 2**63 - 1), "algorithm": ("SAC",), "max_seconds": (None, 1, np.float32(0.5)),
-    "speed": (3, 30.0, [5, 12], (5, 5)), "layers": ([32], (8, 16, 32)), "terms": (["flap", "power"],),
+    "speed": (3, 30.0, [5, 12], (5, 5)), "layers": ([32], (8, 16, 32)), "terms": (["flap", "power"], {"tower"}),
     "weights": ({"power": 0, "flap": 2}, None), "quiet": (True, np.bool_(False)), "even": (4,),
 }  # fmt: skip
 

@@ -220,6 +220,8 @@ class Option:
         """
         if value is None and self.takes_none:
             return None
+        if isinstance(value, np.ndarray) and not value.ndim:
+            value = value.item()
         result = self._array(value, {} if sizes is None else sizes) if self.shape else self._fitting(value)
         if result is None:
             wrong = self._wrong_name(value)
@@ -274,7 +276,7 @@ class Option:
 
     def _wrong_name(self, value: Any) -> Any:
         """First name that is no choice."""
-        names = value if isinstance(value, tuple | Mapping) else (value,)
+        names = value if isinstance(value, Iterable) and not isinstance(value, str) else (value,)
         return next((name for name in names if isinstance(name, str) and name not in self.choices), None)
 
     def within(self, number: float | None) -> bool:
@@ -314,7 +316,7 @@ def _pair(declared: Option, value: Any) -> tuple[float, ...] | None:
 
 def _several(form: Callable[[Option, Any], Any], once: bool = False, count: int = 0) -> Callable[[Option, Any], Any]:
     def forms(declared: Option, value: Any) -> tuple[Any, ...] | None:
-        if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping) or not np.ndim(value):
+        if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping):
             return None
         parts = tuple(form(declared, part) for part in value)
         wrong = None in parts or (once and len(set(parts)) < len(parts)) or (count and len(parts) != count)

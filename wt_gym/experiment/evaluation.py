@@ -178,7 +178,9 @@ class EvaluationConfig(Options):
         "length of the end of the runs in the first wind whose shapes are stored for a replay; 0: none", default=20.0,
         unit="s", low=0.0, high=LONGEST,
     )  # fmt: skip
-    climate: ClimateOptions = field(default_factory=ClimateOptions)
+    climate: ClimateOptions = option(
+        "wind climate for loads over a life", default=ClimateOptions(), kinds=(ClimateOptions,)
+    )
 
     def check(self) -> None:
         """Refuse runs without measurement, winds that are missing or stand twice, and a length in the arguments."""

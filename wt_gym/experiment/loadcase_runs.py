@@ -315,7 +315,9 @@ class LoadCaseConfig(Options):
     quick: bool = option("fewer and shorter runs", default=False)
     plan: Plan | None = None
     turbulence: str = option("spectra of the turbulent winds", default="kaimal", choices=TURBULENCE)
-    climate: ClimateOptions = field(default_factory=ClimateOptions)
+    climate: ClimateOptions = option(
+        "wind climate for loads over a life", default=ClimateOptions(), kinds=(ClimateOptions,)
+    )
 
     def check(self) -> None:
         """Refuse no case, and arguments of the environment that the cases decide on."""

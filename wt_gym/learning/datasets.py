@@ -103,7 +103,7 @@ def _write(
 @contextmanager
 def _datasets_in(folder: Path) -> Iterator[None]:
     """Minari's root for a while, which it reads from the variables of the process."""
-    before = dict(os.environ)
+    before = {name: value for name, value in os.environ.items() if name == _ROOT}
     os.environ[_ROOT] = str(folder)
     try:
         yield

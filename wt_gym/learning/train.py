@@ -182,7 +182,7 @@ def resume(
     RunFolder(folder).record()  # before the lock makes a folder
     with RunFolder(folder) as run:
         record = run.record()
-        config = TrainingConfig.from_dict(record.get("config", {})).limited(total_steps, max_seconds)
+        config = TrainingConfig(**TrainingConfig.named(record.get("config"))).limited(total_steps, max_seconds)
         if (engine := record.get("engine")) != learner.engine:
             raise ValueError(
                 f"the engine of the training in {run.path} must be {engine}, got {learner.engine}: resume with "

@@ -25,12 +25,13 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.base.errors import SimulationError, did_you_mean
-from wt_gym.base.options import Options, option, option_record
+from wt_gym.base.options import Options, option, option_record, shown
 from wt_gym.base.types import Array
 from wt_gym.base.warn_once import warn_once
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
@@ -66,6 +67,15 @@ def _modes(counts: tuple[int, ...]) -> tuple[int, ...]:
     if sum(counts) < 1:
         raise ValueError(f"must have at least one mode, got {counts}")
     return counts
+
+
+def _shapes(planes: Any) -> tuple[tuple[tuple[float, ...], ...], ...]:
+    """Tuples of nested sequences, as JSON has them: a fidelity is a key of caches."""
+    try:
+        fore_aft, side_side = planes
+        return tuple(tuple(tuple(map(float, shape)) for shape in plane) for plane in (fore_aft, side_side))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"must be two tuples with tuples of numbers, got {shown(planes)}") from error
 
 
 def _integrator(name: str) -> str:
@@ -132,6 +142,7 @@ class Fidelity(Options):
         "coefficients of (z/H)², (z/H)³, … of each shape, as many as ``tower_modes`` counts, for example "
         ":data:`ELASTODYN_NREL_5MW_TOWER`",
         default=None,
+        check=_shapes,
     )
     yaw_drive: str = option(
         '"spring": through the yaw spring and damper of the turbine', default="stiff", choices=("stiff", "spring")
