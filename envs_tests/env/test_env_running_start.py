@@ -276,6 +276,7 @@ def test_a_counter_clockwise_rotor_starts_as_the_mirror_image(turbine, brief):
     assert image.deviations[side_side] == -start.deviations[side_side]
     np.testing.assert_array_equal(image.deviations["root_flap_moment"], start.deviations["root_flap_moment"])
     np.testing.assert_array_equal(image.trail, start.trail * parities(3))
+    np.testing.assert_array_equal(replace(start, tower_top=np.ones(4)).mirrored(3).tower_top, [1, -1, 1, -1])
     box = TurbulenceBox.kaimal(15.0, turbine.hub_height, turbine.rotor_diameter, "B", seed=9)
     wind = TurbulentInflow(box)
     winds = (wind, None), (MirroredInflow(wind), {"rotation": "counter-clockwise"})

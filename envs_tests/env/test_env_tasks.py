@@ -371,8 +371,9 @@ def test_a_parked_turbine_idles_in_extreme_wind(inflow):
     assert not any(ends)
     assert abs(env.signals["rotor_speed"]) < 0.15 * env.turbine.drivetrain.rated_rotor_speed
     np.testing.assert_allclose(env.signals.pitch, 0.5 * np.pi, atol=1e-3)
-    with pytest.raises(ValueError, match="starts a parked rotor"):
-        WindTurbineEnv(inflow=inflow)
+    for limit in (None, 0.0):
+        with pytest.raises(ValueError, match="starts a parked rotor"):
+            WindTurbineEnv(inflow=inflow, standstill_limit=limit)
     absolute = WindTurbineEnv(inflow=inflow, standstill_limit=-0.5, action_mode="absolute")
     assert absolute.layout.action.high[0] == pytest.approx(0.5 * np.pi)
 

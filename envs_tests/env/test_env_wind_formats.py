@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.base.errors import InflowError, TurbineDefinitionError
+from wt_gym.base.errors import InflowError, SimulationError, TurbineDefinitionError
 from wt_gym.commands import evaluate
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands import run as run_command
@@ -17,6 +17,7 @@ from wt_gym.commands.train import configuration
 from wt_gym.envs.options import wind_files_of, with_whole_paths
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.experiment.evaluation import EvaluationConfig
+from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
 from wt_gym.wind.files import read_bts, write_bts, write_hawc2
@@ -102,6 +103,15 @@ def test_a_grid_that_does_not_reach_around_the_rotor_is_refused_everywhere(files
         warnings.simplefilter("ignore")
         held.reset(seed=0)
     assert "held at the edge of its grid" in held.unwrapped.episode_wind.inflow.description
+
+
+def test_simulators_take_descriptions_and_refuse_what_is_no_wind(files):
+    simulator = Simulator(TURBINE, inflow=files[".csv"])
+    assert simulator.inflow.mean_speed == 8.0
+    simulator.inflow = {"kind": "steady", "speed": 0.0}
+    assert simulator.inflow == SteadyInflow(0.0, TURBINE.hub_height)
+    with pytest.raises(SimulationError, match="needs an inflow with velocity"):
+        simulator.inflow = 8.0
 
 
 def test_whole_paths_and_digests_of_every_format(files, tmp_path, monkeypatch):

@@ -258,3 +258,9 @@ def test_the_loop_has_the_poles_that_its_gains_place_and_their_rise(monkeypatch)
     rise *= math.exp(-rotor.damping / math.sqrt(1.0 - rotor.damping**2) * math.acos(rotor.damping))
     rated = turbine.drivetrain.rated_rotor_speed
     assert gust_speed_rise(turbine, parameters, wind) == pytest.approx(rise / rated, rel=0.1)
+
+
+@pytest.mark.parametrize("choice", ["min_pitch=0.02", "region_3_min_pitch=0.02", "region_2_gain=1e7"])
+def test_what_only_a_torque_curve_has_is_refused_elsewhere(choice):
+    with pytest.raises(ValueError, match=r"must be left out for IEA 22MW .* torque curve"):
+        make_controller(f"discon:{choice}", load_turbine("iea_22mw"))

@@ -172,13 +172,21 @@ def test_a_gust_and_an_overspeed_stop_at_once_and_torque_falls_with_the_square_o
     assert rotor.torque == 0.0
 
 
+@pytest.mark.parametrize(("wind", "pitch", "share"), [(18.0, 0.25, 1.0), (9.0, 0.0, 0.1)])
+def test_the_set_point_moves_no_faster_than_a_start_up_or_without_pitch_ten_times_as_fast(wind, pitch, share):
+    controller = supervised()
+    rotor = Rotor(controller, wind, RATED, pitch, 3e4).run(DT, wind)
+    for controller.asked in (-0.2, 0.1):
+        before = controller.set_point
+        rotor.run(DT, wind)
+        change = -math.copysign(DT / (share * controller.run_up), -controller.asked)
+        assert controller.set_point - before == pytest.approx(change)
+
+
 def test_an_agent_moves_the_set_point_within_its_limits():
     controller = supervised()
     rotor = Rotor(controller, 18.0, RATED, 0.25, 4e4).run(10.0, 18.0)
     controller.asked = -0.2
-    before = controller.set_point
-    rotor.run(DT, 18.0)
-    assert before - controller.set_point == pytest.approx(DT / controller.run_up)  # of rated speed in a start-up
     rotor.run(60.0, 18.0)
     assert rotor.speed / RATED == pytest.approx(0.8, rel=0.02)
     assert rotor.torque * GEAR * rotor.speed == pytest.approx(0.8 * 5.297e6, rel=0.03)

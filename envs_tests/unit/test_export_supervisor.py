@@ -225,6 +225,22 @@ def test_without_the_wind_nothing_starts_and_its_last_value_is_held(exported):
     assert seen[-1].pitch[0] > 1.5
 
 
+def test_a_cut_out_of_the_parameter_file_holds(exported, tmp_path):
+    """A harder one stops in a wind in which the exported one holds back."""
+    hard, (page, library, parameters, *_) = tmp_path / "hard.in", exported(CHOICE)
+    text = Path(parameters).read_text(encoding="utf-8")
+    assert all(f"\nsupervisor_{name} " in text for name in ("cut_out = 30.0", "restart = 27.0"))
+    hard.write_text("supervisor_cut_out = 25\nsupervisor_restart = 24\nsupervisor_derate_from = 25\n", encoding="utf-8")
+    ends = []
+    for file in (parameters, hard):
+        flight = [page, library, file], load_turbine("nrel_5mw"), 0.85, 0.3, 4e4, [27.0] * 600
+        rows, said = alone(*flight, lambda k, swap: None)
+        assert said == []
+        ends.append(rows[-1].pitch[0])
+    assert ends[0] < 0.5
+    assert ends[1] > 1.5
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [

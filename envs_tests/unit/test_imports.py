@@ -130,6 +130,13 @@ def test_every_package_can_be_imported_first():
     assert done.returncode == 0, done.stderr
 
 
+def test_the_package_alone_is_light():
+    heavy = ("numba", "scipy", "xarray", "torch", "matplotlib", "plotly")
+    code = f"import sys, wt_gym; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout == "[]\n"
+
+
 def test_no_circle(graph):
     assert len(graph) > 150
     assert circles(graph) == [TWO_WAYS_TO_COMPILE]

@@ -374,6 +374,8 @@ def test_uniform_wind_files_give_the_documented_formula(tmp_path):
     wind = read_uniform(write(tmp_path / "a.wnd", LINES), hub_height=90.0, reference_length=126.0)
     for row in LINES[:3]:
         np.testing.assert_allclose(wind.velocity(POINTS, row[0]), inflowwind(row, POINTS), rtol=1e-12, atol=1e-12)
+    hub = LINES[:, 1] + LINES[:, 7]  # with the gust
+    assert wind.mean_speed == pytest.approx(np.trapezoid(hub, LINES[:, 0]) / 20.0)
     middle = 0.25 * LINES[0] + 0.75 * LINES[1]
     np.testing.assert_allclose(wind.velocity(POINTS, 7.5), inflowwind(middle, POINTS), rtol=1e-12, atol=1e-12)
     # over the cut at 180 degrees the direction takes the short way: from -170 to 175 by -15
