@@ -1,9 +1,13 @@
 """The records of running turbines that come with the package."""
 
+from unittest.mock import Mock
+
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from wt_gym.base.canary import canary_differences
+from wt_gym.envs import running_record
 from wt_gym.envs.record_store import CATALOG, FOLDER, StartFile
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbine_records import RECORDS
@@ -33,12 +37,23 @@ def test_the_program_moves_the_turbine_as_the_one_that_recorded_it(recorded):
     assert canary_differences(StartFile.of(FOLDER / f"{recorded.name}.npz").canary, recorded.canary()) == []
 
 
+def test_a_power_tracking_controller_starts_with_its_recorded_memory(monkeypatch):
+    remembered = Mock(wraps=running_record.remember)
+    monkeypatch.setattr(running_record, "remember", remembered)
+    gym.make("wt_gym/PowerTracking-v0").reset(seed=1)
+    remembered.assert_called_once()
+
+
 @pytest.mark.parametrize("recorded", CATALOG, ids=[recorded.name for recorded in CATALOG])
-def test_a_second_reset_with_the_seed_gives_the_same_episode(recorded):
+def test_a_second_reset_with_the_seed_gives_the_same_episode(recorded, monkeypatch):
     """Controllers that have run hold numbers that new ones do not; the recorded memory goes into both."""
+    remembered = Mock(wraps=running_record.remember)
+    monkeypatch.setattr(running_record, "remember", remembered)
     env = WindTurbineEnv(recorded.turbine, inflow="turbulent", action_mode="residual", controller=recorded.controller)
     nothing, episodes = np.zeros(env.action_space.shape, np.float32), []
     for _ in range(2):
         env.reset(seed=1)
         episodes.append([env.step(nothing)[0] for _ in range(3)])
     np.testing.assert_array_equal(*episodes)
+    # a record holds the numbers of its controller in their present order; another level is another controller
+    assert remembered.call_count == (2 if recorded.level == 1.0 and recorded.name != "nada_small" else 0)
