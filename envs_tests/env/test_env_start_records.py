@@ -41,7 +41,7 @@ def test_a_power_tracking_controller_starts_with_its_recorded_memory(monkeypatch
     remembered = Mock(wraps=running_record.remember)
     monkeypatch.setattr(running_record, "remember", remembered)
     gym.make("wt_gym/PowerTracking-v0").reset(seed=1)
-    remembered.assert_called_once()
+    assert remembered.called
 
 
 @pytest.mark.parametrize("recorded", CATALOG, ids=[recorded.name for recorded in CATALOG])
