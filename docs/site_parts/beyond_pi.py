@@ -6,7 +6,9 @@ import fault_study
 import numpy as np
 from dial_front import covered
 from study_pages import DATA, read_json
-from task_scores import STORM_CONTROLLER, half_width
+from task_scores import STORM_CONTROLLER, mean_change
+
+from wt_gym.analysis.page import format_estimate
 
 _SUPERVISED = "discon+supervisor:averaging=60"
 _ROSCO_MODES = tuple(f"discon+derate_{mode}" for mode in ("torque", "speed", "pitch"))
@@ -61,9 +63,8 @@ def _best(study, base, metric):
 
 def _change(study, base, agent, metric):
     """Mean relative change over the winds that both came through, with its interval."""
-    ratios = _values(study, agent, metric) / _values(study, base, metric) - 1.0
-    ratios = 100.0 * ratios[np.isfinite(ratios)]
-    return f"{round(ratios.mean()):+d} ± {half_width(ratios):.0f} %".replace("-", "−")
+    both = np.array([_values(study, name, metric) for name in (agent, base)])
+    return format_estimate(metric, mean_change(*both[:, np.isfinite(both).all(axis=0)]))
 
 
 def _dial():

@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import stdtrit
 from study_pages import (
     DATA,
     ROOT,
@@ -41,8 +40,17 @@ from study_pages import (
 import wt_gym
 from envs_tests.physics.validation import source_commit
 from wt_gym.analysis.metrics import METRICS
+from wt_gym.analysis.page import format_estimate
 from wt_gym.analysis.results import Wind
-from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, WindClimate, lifetime_load, relative_change, wind_weights
+from wt_gym.analysis.statistics import (
+    LIFETIME_EXPONENTS,
+    Estimate,
+    WindClimate,
+    estimate,
+    lifetime_load,
+    relative_change,
+    wind_weights,
+)
 from wt_gym.base.files import write_text_whole
 from wt_gym.commands.program import stoppable, user_errors
 from wt_gym.envs.faults import FAULT_KINDS
@@ -368,14 +376,14 @@ def _cell(study: Study, column: Column, own: Mapping[Any, Any], base: Mapping[An
     if first or column.how in ("level", "most"):
         return _level(column, mine)
     if column.how == "change":
-        changes = relative_change(mine, theirs)
-        return f"{signed(100.0 * changes.mean(), 1)} ± {100.0 * half_width(changes):.1f} %"
+        return format_estimate(column.key, mean_change(mine, theirs))
     return percent(relative_change(mine.sum(), theirs.sum()), 2 if column.how in ("total", "climate") else 1)
 
 
-def half_width(values: np.ndarray) -> float:
-    """Half width of the 95 % interval of a mean, by Student's t; of two values at least."""
-    return float(stdtrit(values.size - 1, 0.975) * values.std(ddof=1) / np.sqrt(values.size))
+def mean_change(values: np.ndarray, baseline: np.ndarray) -> Estimate:
+    """Mean relative change over winds of all speeds, of which there are too few for an interval by speed."""
+    changes = relative_change(values, baseline)
+    return estimate([0.0] * len(changes), lambda k: changes[k].mean(axis=-1), True)
 
 
 def _weights(study: Study, speeds: list[float]) -> np.ndarray:
