@@ -35,7 +35,7 @@ CLONE = Path(__file__).parents[2]
 STEADY = "wt_gym/NREL5MW-Steady-v1"
 SPEEDS = (8.0, 9.0, 10.0, 11.0, 12.0, 13.0)
 CONFIG = EvaluationConfig(env_id=STEADY, winds=tuple(map(Wind, SPEEDS)), duration=60.0, skip=2.0, replay=1.0)
-AGENTS = {"discon": "baseline"}
+AGENTS = {"discon": "discon"}
 COMMAND = [
     *(sys.executable, "-m", "wt_gym", "evaluate", "baseline", "--env", STEADY, "--duration", "60", "--skip", "2"),
     *("--replay", "1", "--no-report", "--wind-speed", *map(str, SPEEDS)),
