@@ -52,8 +52,8 @@ def test_a_second_reset_with_the_seed_gives_the_same_episode(recorded, monkeypat
     env = WindTurbineEnv(recorded.turbine, inflow="turbulent", action_mode="residual", controller=recorded.controller)
     nothing, episodes = np.zeros(env.action_space.shape, np.float32), []
     for _ in range(2):
-        env.reset(seed=1)
+        env.reset(seed=2)  # in winds of every record
         episodes.append([env.step(nothing)[0] for _ in range(3)])
     np.testing.assert_array_equal(*episodes)
-    # a record holds the numbers of its controller in their present order; another level is another controller
-    assert remembered.call_count == (2 if recorded.level == 1.0 and recorded.name != "nada_small" else 0)
+    # the numbers are in their present order; the record at another level serves a power reference, see above
+    assert remembered.call_count == (2 if recorded.level == 1.0 else 0)

@@ -31,10 +31,10 @@ def course(env, seed=5, steps=6, options=None):
     """Observations and rewards of an episode under drawn actions."""
     rng = np.random.default_rng(0)
     observation, info = env.reset(seed=seed, options=options)
-    rows = [observation]
+    rows = [np.append(observation, 0.0)]
     for _ in range(steps):
         observation, reward, *_ = env.step(rng.uniform(-1.0, 1.0, env.action_space.shape))
-        rows.append(np.append(observation, reward)[: len(observation)])
+        rows.append(np.append(observation, reward))
     return np.array(rows), info
 
 

@@ -118,12 +118,12 @@ def _facts(evaluation: Evaluation) -> dict[str, str | None]:
     simulator = settings.get("env_kwargs", {}).get("simulator")
     name = simulator.get("name", simulator) if isinstance(simulator, dict) else simulator
 
-    def told(text: str, key: str) -> str:
+    def fact(text: str, key: str) -> str:
         return text.format(settings[key]) if settings.get(key) else ""
 
     parts = {
         "Turbine": [evaluation.turbine],
-        "Class": [told("IEC class {}", "iec_class"), told("turbulence {}", "turbulence_class")],
+        "Class": [fact("IEC class {}", "iec_class"), fact("turbulence {}", "turbulence_class")],
         "Mean wind speed": [f"{shown} m/s"],
         "Winds": [
             f"{len(winds)} wind{'s' if len(winds) > 1 else ''}{each}",
@@ -133,8 +133,8 @@ def _facts(evaluation: Evaluation) -> dict[str, str | None]:
         "Duration": [f"{max(run.planned_duration for run in evaluation.runs):g} s each{skip}"],
         "Simulation": [
             str(name) if simulator else "",
-            told("fidelity \u201c{}\u201d", "fidelity"),
-            told("control step {:g} s", "control_dt"),
+            fact("fidelity \u201c{}\u201d", "fidelity"),
+            fact("control step {:g} s", "control_dt"),
         ],
         "Date": [page.today()],
     }

@@ -245,11 +245,11 @@ class Twin(Term):
         inflow = _inflow(wind.inflow, wind.wind_seed >= 0)
         if inflow is None or self._identity is None:
             return None
-        told = self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, inflow
+        wind_key = self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, inflow
         limits = self.env.limits.overspeed, self.env.limits.standstill
         drawn = [(name, one.key) for name, one in beginning.drawn.items()]
         others = beginning.yaw, beginning.faults, drawn
-        return fingerprint(self._identity, limits, told, _start(beginning.start), others)[:40]
+        return fingerprint(self._identity, limits, wind_key, _start(beginning.start), others)[:40]
 
     # ---- snapshots ----
 
@@ -311,5 +311,5 @@ def _box(box: TurbulenceBox) -> tuple[object, ...]:
 
 def _start(start: Start) -> tuple[object, ...]:
     """Properties that tell a start from others; the signals before it are for observations alone."""
-    told = [getattr(start, f.name) for f in fields(start) if f.name not in ("deviations", "trail")]
-    return (*told, *sorted(start.deviations.items(), key=lambda item: item[0]))
+    state = [getattr(start, f.name) for f in fields(start) if f.name not in ("deviations", "trail")]
+    return (*state, *sorted(start.deviations.items(), key=lambda item: item[0]))

@@ -169,8 +169,8 @@ class SafetyFilter(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], 
         observation, reward, terminated, truncated, info = self.env.step(taken)
         self._count += 1
         self._filtered += replaced
-        told = {"filtered": replaced, "filtered_share": self._filtered / self._count}
-        return observation, reward, terminated, truncated, info | told
+        result = {"filtered": replaced, "filtered_share": self._filtered / self._count}
+        return observation, reward, terminated, truncated, info | result
 
     def _near(self) -> bool:
         """Return True if the turbine is on its way to a limit."""

@@ -317,8 +317,8 @@ class _Work:
 
     def before_any_policy(self) -> tuple[Any, list[RecordedEpisode]]:
         """Plants, and episodes under the base controller alone."""
-        told = {name: v for name, v in self._arguments.items() if not name.startswith(("dial_", "cost_limits"))}
-        key = (self._id, json.dumps(told, sort_keys=True), json.dumps(asdict(self._options), sort_keys=True))
+        arguments = {name: v for name, v in self._arguments.items() if not name.startswith(("dial_", "cost_limits"))}
+        key = (self._id, json.dumps(arguments, sort_keys=True), json.dumps(asdict(self._options), sort_keys=True))
         if key not in _untrained:
             _untrained.clear()
             _untrained[key] = self.identified(), self.recorded(None, 0)
@@ -350,9 +350,8 @@ class _Work:
         return benchmark_fingerprint(self.env.turbine, self.env.fidelity)
 
     def _job(self, speed: float, seed: int, condition: Mapping[str, Any], **more: Any) -> EpisodeJob:
-        texts = (json.dumps(values) for values in (self._arguments, condition))
-        arguments, told = texts
-        return EpisodeJob(self._id, arguments, speed, seed, self._options.duration, condition=told, **more)
+        arguments, duration = json.dumps(self._arguments), self._options.duration
+        return EpisodeJob(self._id, arguments, speed, seed, duration, condition=json.dumps(condition), **more)
 
     def in_turns(self, values: Sequence[_T]) -> list[_T]:
         """What each episode of a round has of values by condition."""
@@ -421,8 +420,8 @@ class _Work:
             explained[v] = dict(zip(pretraining_episodes.OUTPUTS, np.round(shares, 3).tolist(), strict=True))
             responses.append(fitted(inputs, changes))
             if condition:
-                told = [(a.observations - b.observations).T.astype(float) for a, b in pairs]
-                answers = fitted([offsets[:, :-1] for offsets in inputs], told)
+                outputs = [(a.observations - b.observations).T.astype(float) for a, b in pairs]
+                answers = fitted([offsets[:, :-1] for offsets in inputs], outputs)
                 answers[slow] = 0.0
                 seen.append(answers)
             self._say(f"{v:g} m/s: explained " + ", ".join(f"{k} {s:.2f}" for k, s in explained[v].items()))

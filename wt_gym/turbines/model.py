@@ -527,8 +527,8 @@ def with_site(turbine: Turbine, site: Mapping[str, Any] | None) -> Turbine:
         designed = check_number("site['controller_air_density']", site["controller_air_density"], 0.1, 10.0)
     if designed != changes.get("air_density", turbine.air_density) or "controller_air_density" in site:
         changes["design_air_density"] = designed
-    told = [f"{name} {site[name]} {unit}".strip() for name, unit in SITE.items() if name in site]
-    return replace(turbine, **changes, notes=(*turbine.notes, _NOTE + ", ".join(told))) if site else turbine
+    texts = [f"{name} {site[name]} {unit}".strip() for name, unit in SITE.items() if name in site]
+    return replace(turbine, **changes, notes=(*turbine.notes, _NOTE + ", ".join(texts))) if site else turbine
 
 
 def at_controller_density(turbine: Turbine) -> Turbine:

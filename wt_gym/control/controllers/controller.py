@@ -286,22 +286,26 @@ def checked_demand(demand: Demand, controller: Controller, n_blades: int) -> Dem
     wt_gym.base.errors.ControllerError
         If it is not a `Demand`, has not one finite angle a blade, or a yaw rate or torque that is not finite.
     """
-    name = " + ".join(type(part).__name__ for part in parts_of(controller))
     if not isinstance(demand, Demand):
-        raise ControllerError(f"the controller {name} gave {demand!r}; must be a Demand")
+        raise ControllerError(f"the controller {_name(controller)} gave {demand!r}; must be a Demand")
     try:
         pitch = np.asarray(demand.pitch, dtype=np.float64)
         finite = all(map(math.isfinite, (demand.yaw_rate, demand.generator_torque, *pitch.ravel().tolist())))
     except (TypeError, ValueError) as error:
-        raise ControllerError(f"the controller {name} gave {demand!r}: {error}") from error
+        raise ControllerError(f"the controller {_name(controller)} gave {demand!r}: {error}") from error
     if pitch.shape != (n_blades,):
         raise ControllerError(
-            f"the pitch demand of the controller {name} must have shape ({n_blades},), one angle a blade; "
+            f"the pitch demand of the controller {_name(controller)} must have shape ({n_blades},), one angle a blade; "
             f"got {pitch.shape}"
         )
     if not finite:
-        raise ControllerError(f"the demand of the controller {name} must be finite, got {demand!r}")
+        raise ControllerError(f"the demand of the controller {_name(controller)} must be finite, got {demand!r}")
     return demand if demand.pitch is pitch else replace(demand, pitch=pitch)
+
+
+def _name(controller: Controller) -> str:
+    """Classes of the parts of a controller."""
+    return " + ".join(type(part).__name__ for part in parts_of(controller))
 
 
 class Combined:
