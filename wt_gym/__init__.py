@@ -30,7 +30,7 @@ from typing import Any
 
 from gymnasium.envs.registration import register
 
-from wt_gym.tasks import TASKS
+from wt_gym.tasks import LINEAR, TASKS
 from wt_gym.turbine_records import RECORDS
 
 __all__ = ["__version__"]
@@ -55,3 +55,13 @@ for _record in RECORDS.values():
 
 for _task in TASKS.values():
     _register(_task.id, _task.arguments, max_episode_steps=_task.max_episode_steps)
+
+for _task in (TASKS[name] for name in LINEAR):
+    register(
+        id=f"wt_gym/{_task.name}-Linear-v0",
+        entry_point="wt_gym.learning.linear_env:LinearTurbineEnv",
+        vector_entry_point="wt_gym.learning.linear_env:LinearVectorEnv",
+        kwargs={"modeled": _task.id},
+        max_episode_steps=_task.max_episode_steps,
+        disable_env_checker=True,
+    )

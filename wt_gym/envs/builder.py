@@ -18,6 +18,7 @@ from wt_gym.control.controllers.names import ALIASES, BASELINE, make_controller
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.envs import rewards
 from wt_gym.envs.channels import DEFAULT_GROUPS, RESIDUAL_GROUPS
+from wt_gym.envs.credit import Credit
 from wt_gym.envs.dial import DialCourse, DialTerm, dial_of
 from wt_gym.envs.episode_start import EpisodeStarts, RunningStart
 from wt_gym.envs.faults import FaultTerm, check_faults
@@ -62,6 +63,7 @@ class Parts:
     limits: Limits
     length: EpisodeLength
     reward_terms: tuple[RewardTerm, ...]
+    reward_unit: float  #: reward of a rate of one over a control step
     control_dt: float
     fidelity: str | Fidelity
     sensors: str  #: "agent" or "all": who reads late, noisy and shifted sensors
@@ -176,6 +178,7 @@ def build(env: Parts, options: EnvOptions) -> None:
     standstill = standstill_limit(limits.standstill, turbine, env.wind.parks)
     env.limits = Limits(turbine.drivetrain.rated_rotor_speed, limits.overspeed, standstill, penalty)
     env.reward_terms = rewards.compose(options.rewards.terms)
+    env.reward_unit = 1.0 if options.rewards.rate else env.control_dt
     env.fidelity = choose_fidelity(turbine, options.fidelity)
     step, count = _inner_steps(env)
     env.length = EpisodeLength(limits.episode_length, env.control_dt)
@@ -208,7 +211,8 @@ def build(env: Parts, options: EnvOptions) -> None:
     spaces_of.observation_space = spaces.Box(env.observer.layout.low, env.observer.layout.high, dtype=np.float32)
     env.to_reward = _scalar
     if options.rewards.vector:
-        env.reward_names = (*(term.name for term in env.reward_terms), "termination")
+        credit = ("credit",) if options.rewards.credit else ()
+        env.reward_names = (*(term.name for term in env.reward_terms), "termination", *credit)
         env.reward_space = spaces.Box(-np.inf, np.inf, (len(env.reward_names),), np.float32)
         env.to_reward = partial(_vector, env.reward_names)
     if supervisor_of(controller) is None and "set_point" in action.components:
@@ -267,7 +271,11 @@ def _terms(env: Parts, lidar: LidarTerm, step: float) -> dict[str, Term]:
     if options.grid.reference is not None:
         terms["power_reference"] = PowerReferenceTerm(env.turbine, options.grid)
     if options.rewards.relative:
-        terms["twin"] = Twin(_twin(env), env.wind.turbulence_key)
+        terms["twin"] = twin = Twin(_twin(env), env.wind.turbulence_key)
+        if options.rewards.credit:
+            terms["credit"] = Credit(
+                twin, env.reward_terms, env.turbine, operation, env.control_dt, env.reward_unit
+            )  # fmt: skip
     if options.dial.weights is not None:
         terms["dial"] = DialTerm(options.dial, [term.name for term in env.reward_terms], operation)
     if env.render_mode is not None:
@@ -310,6 +318,7 @@ def _twin(env: Parts) -> WindTurbineEnv:
         control_dt=env.control_dt, episode_length=None, action_mode="residual", action_components=("pitch",),
         controller=copy.deepcopy(options.controller.base), reward=env.reward_terms, termination_penalty=limits.penalty,
         overspeed_limit=limits.overspeed, standstill_limit=limits.standstill, observation=("rotor",), start="steady",
+        rate_reward=options.rewards.rate,
         **(read if env.sensors == "all" else {}),
     )  # fmt: skip
     twin.operation.make_simulator = env.operation.make_simulator

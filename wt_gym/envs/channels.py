@@ -15,7 +15,7 @@ from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import did_you_mean
 from wt_gym.control import Channel, NacelleAnemometer, torque_curve
 from wt_gym.control.controllers.additions import yaw_drive_of
-from wt_gym.control.controllers.linear_optimal import OUTPUTS, linear_part
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, LoadObserver, linear_part
 from wt_gym.control.controllers.supervisor import STATES, supervisor_of
 from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.control.sensors import FIXED_FRAME, to_fixed_frame
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
-    "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances", "model_fit",
+    "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances", "own_response", "model_fit",
     "supervisor", "power_reference", "power_forecast", "dial",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
@@ -260,7 +260,8 @@ class Observable:
             "wind_estimate": self._wind_estimate, "blades": self._blades, "fixed_frame": self._fixed_frame,
             "tower": self._tower, "azimuth": self._azimuth, "controller": self._controller, "offsets": self._offsets,
             "previous_action": self._previous_action, "measurable": self._measurable,
-            "dead_band": self._dead_band, "disturbances": self._disturbances, "model_fit": self._model_fit,
+            "dead_band": self._dead_band, "disturbances": self._disturbances,
+            "own_response": self._own_response, "model_fit": self._model_fit,
             "supervisor": self._states,
         }  # fmt: skip
         channels = {
@@ -541,17 +542,51 @@ class Observable:
             return []
         design, text = self._linear.design, "pitch that the linear optimal pitch asks for"
         rows: list[tuple[Any, ...]] = [
-            (f"disturbance_{name}_{k + 1}", "-", 0.0, 1.0, -20.0, 20.0, 0.0,
-             f"disturbance of {name}, over its scale, mean of {first * design.interval:g} to "
-             f"{last * design.interval:g} s ago")
-            for name in OUTPUTS for k, (first, last) in enumerate(self._linear.bins)
+            (f"disturbance_{name}_{k + 1}", "-", 0.0, scale, -20.0, 20.0, 0.0,
+             f"disturbance of {name}, over its scale, {about}")
+            for name in OUTPUTS for k, (scale, about) in enumerate(self._disturbed_bins())
         ]  # fmt: skip
         limit, row = 10.0 * design.limit, (0.0, math.radians(1.0))
         rows += [(f"linear_pitch_{name}", "rad", *row, -limit, limit, 0.0, f"{name} {text}") for name in FIXED_FRAME]
         share, schedule = "share in which the linear optimal pitch acts", "slow pitch that chooses between its designs"
         rows.append(("linear_pitch_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, share))
         rows.append(("linear_pitch_schedule", "rad", 0.1, 0.1, *self._action.pitch_limits, 0.0, schedule))
-        return [self._computed(_disturbances, *row, index=k) for k, row in enumerate(rows)]
+        silent = isinstance(self._linear, LoadObserver)  # it asks for nothing
+        return [
+            self._computed(_disturbances, *row, index=k)
+            for k, row in enumerate(rows) if not (silent and row[-1].endswith(text))
+        ]  # fmt: skip
+
+    def _disturbed_bins(self) -> list[tuple[float, str]]:
+        """Scale and meaning of the disturbance in each bin of delays: a random walk moves by the root of the time."""
+        assert self._linear is not None
+        interval, rows = self._linear.design.interval, []
+        for k, (first, last) in enumerate(self._linear.bins):
+            text = f"mean of {first * interval:g} to {last * interval:g} s ago"
+            if k == 0:
+                rows.append((1.0, text))
+                continue
+            earlier = self._linear.bins[k - 1]
+            apart = 0.5 * interval * (first + last - sum(earlier))
+            rows.append((min(math.sqrt(apart), 1.0), f"change since the {text}"))
+        return rows
+
+    def _own_response(self) -> list[Observed]:
+        """Effect of past offsets on what is measured, and motion of the tower top."""
+        if self._linear is None:
+            return []
+        design, natural = self._linear.design, self._linear.natural
+        rows: list[tuple[Any, ...]] = [
+            (f"response_{name}", "-", 0.0, 1.0, -20.0, 20.0, 0.0, f"what offsets did to {name}, over its scale")
+            for name in OUTPUTS
+        ]
+        for power, unit, what in ((1, "m/s", "velocity"), (2, "m", "displacement")):
+            for k, axis in enumerate(("fore_aft", "side_side")):
+                scale = float(design.scale[3 + k] / natural[k] ** power)
+                text = f"{what} of the tower top, {axis.replace('_', '-')}, from accelerations"
+                rows.append((f"tower_{what}_{axis}", unit, 0.0, scale, -20.0 * scale, 20.0 * scale, 0.0, text))
+        first = len(OUTPUTS) * (len(self._linear.bins) + 2) + len(FIXED_FRAME) + 2
+        return [self._computed(_disturbances, *row, index=k) for k, row in enumerate(rows, start=first)]
 
     def _model_fit(self) -> list[Observed]:
         """Fit of the model of the linear optimal pitch, where readings are late, drives slow or gauges dead."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, cast
 
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from wt_gym.envs.terms import Transition
     from wt_gym.simulation import Signals
     from wt_gym.turbines import Turbine
+
+
+LOADS = ("flap_mean", "flap_tilt", "flap_yaw", "tower_fore_aft", "tower_side_side")
+"""Loads of the fatigue terms, each over the reference of its term and freed of its mean."""
 
 
 class RainflowCounter:
@@ -108,6 +112,9 @@ class BladeFatigue:
     time_constant: float = 10.0
     name: str = "blade_fatigue"
     begins_with_means: ClassVar[bool] = True
+    rows: ClassVar[tuple[list[int], list[int]]] = [0, 1, 2], [0]
+    """Places among `LOADS`, and of those whose slow part the filter takes off: what turns passes it."""
+    loads: tuple[float, ...] = field(default=(0.0, 0.0, 0.0), init=False)
     _filters: list[HighPass] = field(default_factory=list, init=False)
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
@@ -115,7 +122,11 @@ class BladeFatigue:
         n = turbine.n_blades
         mean = sum(signals["root_flap_moment"].tolist()) / n
         self._filters = [HighPass(self.time_constant, mean) for _ in range(n)]
-        self._reference = self.scale * reference_flap_moment(turbine)
+        self._reference = self.reference(turbine)
+
+    def reference(self, turbine: Turbine) -> float:
+        """Moment for which x is 1 [N m]."""
+        return self.scale * reference_flap_moment(turbine)
 
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
@@ -127,6 +138,8 @@ class BladeFatigue:
         tilt, yaw = to_harmonic(moments, after["azimuth"])
         single = sum([m * m for m in moments]) / len(moments)
         square = (1.0 - self.fixed_frame) * single + self.fixed_frame * 0.5 * (tilt * tilt + yaw * yaw)
+        reference = self._reference
+        self.loads = sum(moments) / len(moments) / reference, tilt / reference, yaw / reference
         return -self.weight * bounded_square(square / (self._reference * self._reference))
 
 
@@ -149,19 +162,26 @@ class _TowerFatigue:
     time_constant: float = 10.0
     name: str = ""
     channel: ClassVar[str]
+    rows: ClassVar[tuple[list[int], list[int]]]
     begins_with_means: ClassVar[bool] = True
+    loads: tuple[float, ...] = field(default=(0.0,), init=False)
     _filter: HighPass | None = field(default=None, init=False)
 
     def reset(self, turbine: Turbine, signals: Signals) -> None:
         """Start an episode with the first moment as the mean."""
         self._filter = HighPass(self.time_constant, signals[self.channel])
-        self._reference = self.scale * reference_tower_moment(turbine)
+        self._reference = self.reference(turbine)
+
+    def reference(self, turbine: Turbine) -> float:
+        """Moment for which x is 1 [N m]."""
+        return self.scale * reference_tower_moment(turbine)
 
     def __call__(self, transition: Transition) -> float:
         """Rate of reward [1/s]."""
         if self._filter is None:
             self.reset(transition.turbine, transition.before)
         x = cast("HighPass", self._filter)(transition.after[self.channel], transition.dt) / self._reference
+        self.loads = (x,)
         return -self.weight * bounded_square(x * x)
 
 
@@ -173,6 +193,7 @@ class TowerForeAftFatigue(_TowerFatigue):
     scale: float = 0.33
     name: str = "tower_fore_aft_fatigue"
     channel: ClassVar[str] = "tower_base_fore_aft_moment"
+    rows: ClassVar[tuple[list[int], list[int]]] = [3], [3]
 
 
 @dataclass(eq=False)
@@ -183,6 +204,17 @@ class TowerSideSideFatigue(_TowerFatigue):
     scale: float = 0.08
     name: str = "tower_side_side_fatigue"
     channel: ClassVar[str] = "tower_base_side_side_moment"
+    rows: ClassVar[tuple[list[int], list[int]]] = [4], [4]
+
+
+def present_loads(terms: Iterable[object]) -> list[float]:
+    """`LOADS` of the last step, as the terms have them; zero of a term that is not there."""
+    found = [0.0] * len(LOADS)
+    for term in terms:
+        if isinstance(term, BladeFatigue | _TowerFatigue):
+            first = term.rows[0][0]
+            found[first : first + len(term.loads)] = term.loads
+    return found
 
 
 @dataclass(frozen=True)

@@ -279,9 +279,12 @@ def worst_rate(terms: Iterable[RewardTerm]) -> float:
     return sum(float(getattr(term, "worst_rate", -term.weight)) for term in terms)
 
 
-def total(terms: Iterable[RewardTerm], transition: Transition) -> tuple[float, dict[str, float]]:
-    """Reward of a step, the sum of its terms, and the terms by name, each multiplied by the length of the step."""
-    values = {term.name: float(term(transition)) * transition.dt for term in terms}
+def total(
+    terms: Iterable[RewardTerm], transition: Transition, unit: float | None = None
+) -> tuple[float, dict[str, float]]:
+    """Reward of a step, the sum of its terms, and the terms by name, each times a unit, by default the step [s]."""
+    unit = transition.dt if unit is None else unit
+    values = {term.name: float(term(transition)) * unit for term in terms}
     return float(sum(values.values())), values
 
 
@@ -305,6 +308,18 @@ class RewardOptions(Options):
         default=False,
         flat="relative_reward",
     )
+    rate: bool = option(
+        "Give the mean rate of a step, of order one, in place of its integral over the step: the size that algorithms "
+        "with an entropy term are made for",
+        default=False,
+        flat="rate_reward",
+    )
+    credit: bool = option(
+        "Pay what an action does to the loads of the next 15 s in its own step, by the observer of the base "
+        "controller; needs ``relative_reward``. The return of an episode stays, see `wt_gym.envs.credit`",
+        default=False,
+        flat="reward_credit",
+    )
     vector: bool = option(
         "Give the terms as an array instead of their sum, as multi-objective libraries take it; named in "
         "``reward_names``, with a ``reward_space``",
@@ -316,5 +331,7 @@ class RewardOptions(Options):
     )
 
     def check(self) -> None:
-        """Refuse unknown terms and weights without meaning."""
+        """Refuse unknown terms, weights without meaning, and credit without the controller alone."""
         compose(self.terms)
+        if self.credit and not self.relative:
+            raise ValueError("reward_credit must come with relative_reward=True, got it without")

@@ -8,6 +8,7 @@ beginning, and beyond the end of the longest one.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import pickle
 import threading
 import zipfile
@@ -24,6 +25,7 @@ from wt_gym.base.files import write_whole
 from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
 from wt_gym.control.controllers import parts_of
 from wt_gym.envs.canary import canary_of
+from wt_gym.envs.fatigue import LOADS, present_loads
 from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.terms import EnvSnapshot, Term
 from wt_gym.simulation.contract import fingerprint
@@ -79,6 +81,11 @@ class Course:
         """Terms of a step, or of the last one."""
         first = min(step, len(self) - 1) * len(self.names)
         return dict(zip(self.names, self._numbers[first : first + len(self.names)], strict=True))
+
+    def rows(self, first: int, last: int) -> np.ndarray:
+        """Numbers of the steps from the first up to the last one, without it (n, n_names)."""
+        width = len(self.names)
+        return np.array(self._numbers[first * width : last * width]).reshape(-1, width)
 
     def append(self, step: int, terms: Mapping[str, float], ended: bool) -> None:
         """Add the terms of a step, unless another turbine has come there first: it has earned the same."""
@@ -178,6 +185,7 @@ class Twin(Term):
     """
 
     course: Course  #: of this episode
+    lead: int = 0  #: steps by which it is simulated ahead of the turbine, with its loads
 
     def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
@@ -192,6 +200,9 @@ class Twin(Term):
         drawn = {name: one for name, one in beginning.drawn.items() if hasattr(one, "key")}
         self._beginning = replace(beginning, drawn=drawn)
         key, names = self._key(self._beginning), tuple(term.name for term in self.env.reward_terms)
+        self._rewards = len(names)
+        if self.lead:
+            names += LOADS
         self.course = Course(None, names) if key is None else kept_course(key, names)
 
     def keep(self) -> None:
@@ -201,7 +212,7 @@ class Twin(Term):
 
     def adjust(self, reward: float, terms: dict[str, float], step: int, _: float) -> tuple[float, dict[str, float]]:
         """Take off what the controller alone earns in the same step."""
-        other = self.terms(step)
+        other = dict(itertools.islice(self.terms(step).items(), self._rewards))
         return reward - sum(other.values()), {name: value - other.get(name, 0.0) for name, value in terms.items()}
 
     def terms(self, step: int) -> dict[str, float]:
@@ -210,6 +221,13 @@ class Twin(Term):
         if step >= len(course) and not course.ended:
             self._simulate(step)
         return course.terms(step)
+
+    def loads(self, step: int) -> np.ndarray:
+        """`LOADS` of the next steps, from one on (n, 5), n being the lead, or less beyond the end of the twin."""
+        course, last = self.course, step + self.lead
+        if last > len(course) and not course.ended:
+            self._simulate(last - 1)
+        return course.rows(step, last)[:, self._rewards :]
 
     def _simulate(self, step: int) -> None:
         """Record up to a step; what is known already is passed through again if the simulation does not stand there."""
@@ -221,7 +239,10 @@ class Twin(Term):
         nothing = np.zeros(env.layout.action.size)
         while self._steps <= step and not course.ended:
             *_, info = env.step(nothing)
-            course.append(self._steps, info["reward_terms"], not env._running)
+            row = info["reward_terms"]
+            if self.lead:
+                row = row | dict(zip(LOADS, present_loads(env.reward_terms), strict=True))
+            course.append(self._steps, row, not env._running)
             self._steps += 1
 
     # ---- what it is ----
@@ -246,7 +267,7 @@ class Twin(Term):
         if inflow is None or self._identity is None:
             return None
         wind_key = self._wind_key, wind.wind_speed, wind.wind_seed, wind.time_offset, inflow
-        limits = self.env.limits.overspeed, self.env.limits.standstill
+        limits = self.env.limits.overspeed, self.env.limits.standstill, self.lead > 0
         drawn = [(name, one.key) for name, one in beginning.drawn.items()]
         others = beginning.yaw, beginning.faults, drawn
         return fingerprint(self._identity, limits, wind_key, _start(beginning.start), others)[:40]

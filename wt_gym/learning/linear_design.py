@@ -421,6 +421,7 @@ def design(
     return LinearDesign(
         pitch=pitch,
         responses=np.stack([part["responses"] / scale[:, None, None] for part in parts]),
+        loads=np.stack([part["loads"] for part in parts]),
         gains=np.stack([part["gains"] * (scale / part["scale"])[:, None] for part in parts]),
         scale=scale,
         washout=np.array([0.0 if k in (1, 2) else task.feedback.washout for k in range(len(OUTPUTS))]),
@@ -482,6 +483,7 @@ def _at_speed(
         "pitch": float(np.mean([run.pitch[:, start:].mean() for run in still])),
         "scale": plant.scale,
         "responses": plant.responses[: len(OUTPUTS)],
+        "loads": plant.responses[list(TOWER)],
         "gains": gains,
         "record": {
             "speed": speed,

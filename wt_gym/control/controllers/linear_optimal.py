@@ -42,8 +42,8 @@ from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.additions import AboveRated, FadeParameters
 from wt_gym.control.controllers.controller import part_of
-from wt_gym.control.design import same_rotor
-from wt_gym.control.sensors import LowPass, to_blades, to_harmonic, within
+from wt_gym.control.design import same_rotor, tower_top
+from wt_gym.control.sensors import BandLimitedIntegrator, LowPass, to_blades, to_harmonic, within
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
 
@@ -134,10 +134,10 @@ def spread_over_bins(coefficients: NDArray[np.float64], bins: Sequence[tuple[int
     return np.repeat(coefficients / widths, widths, axis=-1)
 
 
-FORMAT = 2
-"""Version of the files; version 1 has no ``fine_speed``."""
+FORMAT = 3
+"""Version of the files; earlier ones have no ``loads``."""
 
-_ARRAYS = ("pitch", "responses", "gains", "scale", "washout")
+_ARRAYS = ("pitch", "responses", "gains", "scale", "washout", "loads")
 _NUMBERS = ("interval", "limit", "rate_limit", "fade")
 
 
@@ -170,6 +170,9 @@ class LinearDesign:
     gains: NDArray[np.float64]  #: from disturbances to offsets [rad], shape (n, 3, 6, n_delays)
     scale: NDArray[np.float64]  #: of the outputs, shape (6,)
     washout: NDArray[np.float64]  #: time constant of what lasts in each output [s]; 0: everything counts, shape (6,)
+    loads: NDArray[
+        np.float64
+    ]  #: fore-aft and side-side moment of the tower base by offsets [N m/rad], (n, 2, 3, n_taps)
     interval: float  #: between two decisions [s]
     limit: float  #: of the offsets [rad]
     rate_limit: float  #: of the offsets [rad/s]
@@ -183,6 +186,7 @@ class LinearDesign:
     def __post_init__(self) -> None:
         n, m = len(self.pitch), len(OUTPUTS)
         shapes = {"pitch": (n,), "responses": (n, m, 3, -1), "gains": (n, 3, m, -1), "scale": (m,), "washout": (m,)}
+        shapes["loads"] = (n, 2, 3, np.shape(self.responses)[-1])
         for name, shape in shapes.items():
             array = np.array(getattr(self, name), dtype=np.float64)
             array.setflags(write=False)
@@ -191,7 +195,9 @@ class LinearDesign:
             if array.ndim != len(shape) or not all(own > 0 and wanted in (own, -1) for own, wanted in pairs):
                 shown = ", ".join("any" if wanted == -1 else str(wanted) for wanted in shape)
                 raise ControllerError(f"{name} of a linear design must have shape ({shown}), got {array.shape}")
-        rules = {name: ("be finite", np.isfinite(getattr(self, name)).all()) for name in ("responses", "gains")}
+        rules = {
+            name: ("be finite", np.isfinite(getattr(self, name)).all()) for name in ("responses", "gains", "loads")
+        }
         rules["pitch"] = "be finite and rise", np.isfinite(self.pitch).all() and (np.diff(self.pitch) > 0.0).all()
         rules["scale"] = "be finite and positive", ((self.scale > 0.0) & (self.scale < math.inf)).all()
         rules["washout"] = "be finite and not negative", ((self.washout >= 0.0) & (self.washout < math.inf)).all()
@@ -421,6 +427,8 @@ SHIPPED = ("iea_15mw", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile")
 
 SCHEDULE_TIME = 10.0
 """Time constant of the pitch that chooses between designs [s]."""
+MOTION_CORNER = 0.2
+"""Corner of the integrators that make the motion of the tower top, in its natural frequencies [-]."""
 
 
 def seen_bins(design: LinearDesign) -> tuple[tuple[int, int], ...]:
@@ -438,6 +446,11 @@ class LinearOptimalPitch:
         Of the last step, in the units of `OUTPUTS`.
     fit : ModelFit
         Of the model, over what is measured.
+    motion : numpy.ndarray, shape (4,)
+        Velocity of the tower top fore-aft and to the side [m/s] and its displacement [m], without what is slower than
+        `MOTION_CORNER`, from the accelerations of the nacelle.
+    natural : numpy.ndarray, shape (2,)
+        Natural frequencies of the tower [rad/s].
     """
 
     def __init__(self, turbine: Turbine, design: LinearDesign, gain: float = 1.0) -> None:
@@ -454,6 +467,10 @@ class LinearOptimalPitch:
         self._lasting = np.zeros(len(OUTPUTS))
         self.disturbance, self._sum = np.zeros(len(OUTPUTS)), np.zeros(3)
         self.fit = ModelFit(len(OUTPUTS), design.interval)
+        top = tower_top(turbine)
+        self.natural = np.array([top.fore_aft, top.side_side])
+        self._integrals = [[BandLimitedIntegrator(MOTION_CORNER * w) for _ in range(2)] for w in self.natural.tolist()]
+        self.motion = np.zeros(4)
         self.bins = seen_bins(design)
         self._first, self._last = np.array(self.bins).T
         self._forget()
@@ -473,11 +490,18 @@ class LinearOptimalPitch:
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
         self._forget()
+        for (velocity, position), acceleration in zip(self._integrals, self._accelerations(signals), strict=True):
+            velocity.reset(acceleration)
+            position.reset()
+
+    def _accelerations(self, signals: Readings) -> tuple[float, float]:
+        """Accelerations of the nacelle [m/s^2]."""
+        return signals["nacelle_acceleration_fore_aft"], self.sign * signals["nacelle_acceleration_side_side"]
 
     def _forget(self) -> None:
         self.offsets.start()
         self._acted[:] = self._past[:] = 0.0
-        self._lasting[:] = self.disturbance[:] = 0.0
+        self._lasting[:] = self.disturbance[:] = self.motion[:] = 0.0
         self._sum[:] = 0.0
         self.fit.start()
         self._wanted: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -496,25 +520,39 @@ class LinearOptimalPitch:
         Returns
         -------
         numpy.ndarray, shape (n,)
-            Means of the disturbances over `bins` of delays, over their scale and without what lasts, output by output;
-            mean, tilt and yaw that they ask for [rad]; share in which offsets act; slow pitch [rad]; gains [-] and lags
-            [s] of `fit`.
+            Disturbances over their scale and without what lasts, output by output: the mean over the first of the
+            `bins` of delays, then the change of the mean from each bin to the one before it; mean, tilt and yaw that
+            they ask for [rad]; share in which offsets act; slow pitch [rad]; gains [-] and lags [s] of `fit`; own
+            response, what is measured less the disturbances, over the scale; `motion`.
         """
         passed = int(self._age + 1e-6)
-        past, acted = self._past, self._acted
+        past = self._past
         slow = float(np.mean(signals["pitch"])) if self._fresh else self._schedule.value
+        found, measured = self._found(signals, self.acted(), slow)
         if self._fresh or passed > 0:
-            acted = acted.copy()
-            if passed > 0:
-                _shift(acted, passed)
-                acted[:, :passed] = (self._sum / self._acted_for)[:, None]
-            found, _ = self._found(signals, acted, slow)
             past, _ = self._moved(found, passed)
         sums = np.cumsum(past, axis=1)
         sums = np.concatenate([np.zeros((len(OUTPUTS), 1)), sums], axis=1)
         means = (sums[:, self._last] - sums[:, self._first]) / (self._last - self._first)
+        means[:, 1:] = means[:, :-1] - means[:, 1:]
         wanted = self._answer(past, slow)
-        return np.concatenate([means.reshape(-1), wanted, [self.offsets.share, slow], self.fit.values])
+        scheduled = [self.offsets.share, slow]
+        return np.concatenate([means.reshape(-1), wanted, scheduled, self.fit.values, measured - found, self.motion])
+
+    def acted(self) -> NDArray[np.float64]:
+        """Offsets (3, n) [rad] that reached the drives in the intervals of the design up to now, the last first."""
+        passed = int(self._age + 1e-6)
+        if self._fresh or passed == 0:
+            return self._acted
+        acted = self._acted.copy()
+        _shift(acted, passed)
+        acted[:, :passed] = (self._sum / self._acted_for)[:, None]
+        return acted
+
+    @property
+    def slow_pitch(self) -> float:
+        """Pitch that chooses between designs [rad]."""
+        return self._schedule.value
 
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
         """Add the offsets, which are decided at the interval of the design, or at every step where that is longer."""
@@ -524,6 +562,10 @@ class LinearOptimalPitch:
         if self._fresh:
             self._schedule.reset(pitch)
         slow = self._schedule.update(pitch, dt)
+        for k, now in enumerate(self._accelerations(signals)):
+            velocity, position = self._integrals[k]
+            self.motion[k] = velocity.update(now, dt)
+            self.motion[k + 2] = position.update(float(self.motion[k]), dt)
         passed = int(self._age + 1e-6)
         if self._fresh or passed > 0:
             if passed > 0:  # the mean of the offsets since the last decision acted in each of the intervals
@@ -553,7 +595,7 @@ class LinearOptimalPitch:
         measured_outputs(signals, self.n_blades, self.sign, found)
         found /= design.scale
         measured = found.copy()
-        for k, share in _place(design.pitch, pitch):
+        for k, share in placed(design.pitch, pitch):
             found -= share * (design.responses[k].reshape(len(OUTPUTS), -1) @ acted.reshape(-1))
         return found, measured
 
@@ -573,9 +615,31 @@ class LinearOptimalPitch:
     def _answer(self, past: NDArray[np.float64], pitch: float) -> NDArray[np.float64]:
         """Offsets (3,) that the past of the disturbances asks for at a slow pitch [rad]."""
         wanted = np.zeros(3)
-        for k, share in _place(self.design.pitch, pitch):
+        for k, share in placed(self.design.pitch, pitch):
             wanted += share * self.gain * (self.design.gains[k].reshape(3, -1) @ past.reshape(-1))
         return wanted
+
+
+@option_record
+class ObserverOptions(Options):
+    """Parameters of a `LoadObserver`."""
+
+    title = "observer"
+
+    file: Path | None = option(
+        "design for the turbine and the base controller", default=None, unit="-",
+        otherwise="the one shipped for the turbine",
+    )  # fmt: skip
+
+
+class LoadObserver(LinearOptimalPitch):
+    """Addition that adds nothing: it knows the disturbances and what offsets of others do, for an agent to observe."""
+
+    @classmethod
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LoadObserver:
+        """Observer with parameters of `ObserverOptions`; errors as of a `LinearOptimalPitch`."""
+        o = ObserverOptions(**parameters)
+        return cls(turbine, load_design(_shipped(turbine) if o.file is None else o.file), 0.0)
 
 
 def _shift(rows: NDArray[np.float64], steps: int) -> None:
@@ -584,7 +648,7 @@ def _shift(rows: NDArray[np.float64], steps: int) -> None:
         rows[:, steps:] = rows[:, :-steps].copy()
 
 
-def _place(knots: NDArray[np.float64], value: float) -> list[tuple[int, float]]:
+def placed(knots: NDArray[np.float64], value: float) -> list[tuple[int, float]]:
     """Knots on both sides of a value with their shares, as far as these are above zero; beyond the ends one alone."""
     if value <= knots[0] or len(knots) == 1:
         return [(0, 1.0)]

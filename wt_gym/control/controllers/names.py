@@ -120,6 +120,10 @@ CATALOGUE = {
         "addition", "Mean, tilt and yaw pitch that a least-squares design made, beside a side-side damper.",
         linear_optimal.LinearOptimalPitch.of_turbine, linear_optimal.LinearOptions,
     ),
+    "observer": Entry(
+        "addition", "Knows what disturbs the loads, beside a side-side damper, and adds nothing.",
+        linear_optimal.LoadObserver.of_turbine, linear_optimal.ObserverOptions,
+    ),
     "fore_aft_damper": Entry(
         "addition", "Damper of the tower's fore-aft motion by collective pitch.", additions.ForeAftDamper,
         additions.ForeAftOptions,

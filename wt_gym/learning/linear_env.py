@@ -1,0 +1,556 @@
+"""A linear model of a turbine under its base controller as an environment: hundreds of times as fast as the simulator.
+
+Offsets of the pitch change little about the wind that a turbine meets, so the course of everything under offsets u is
+about that without any, recorded in turbulence, plus a linear response,
+
+    y(t) = y_0(t) + sum_(l>=0) G_l u(t-l),
+
+with finite impulse responses G from runs with drawn offsets, by wind speed (`wt_gym.learning.recording.identify`).
+Spaces, action and reward are those of the environment whose arguments it is made of: observations are its own,
+recorded, with the effects on response, motion and offsets; the reward is that of its fatigue terms and of its pitch
+travel, beside zero actions, with credit (`wt_gym.envs.credit`) where it has that. What power takes is the square of the
+offsets times a coefficient from the runs (`wt_gym.learning.linear_design.change_of_power`). Left out are the ends of
+episodes, speeds beyond rated, and all that offsets do to the azimuth and to their own share.
+
+The model is made at the first use, of an hour and a half of simulated time, and kept in the cache of the user.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+
+from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
+from wt_gym.base.errors import SimulationError
+from wt_gym.base.user_cache import cached_file
+from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part, side_sign
+from wt_gym.control.sensors import to_fixed_frame
+from wt_gym.envs.credit import HORIZON, fatigue_weights, without_mean
+from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
+from wt_gym.envs.options import PlainSpec, registered_arguments
+from wt_gym.envs.power import Power
+from wt_gym.envs.rewards import ActuatorUse
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.vector_env import Outcome, WindTurbineVectorEnv
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
+from wt_gym.experiment.run import benchmark_fingerprint
+from wt_gym.learning.linear_design import change_of_power
+from wt_gym.learning.linear_env_kernels import advance_all, observe_all
+from wt_gym.learning.options import Excitation
+from wt_gym.learning.recording import RecordingStore, explained_share, identify, respond, to_blades
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from wt_gym.envs.episode import Agent
+
+RAW = (*LOADS, "edge_mean", "edge_tilt", "edge_yaw", "power")
+"""What is recorded for the lifetime cost [N m, W]."""
+SETTLED = 10.0
+"""First part of a run, in which no episode starts [s]."""
+_STILL = {"relative_reward": False, "reward_credit": False, "starts": None, "start": "steady", "episode_length": None}
+_OWN = ("response_", "tower_velocity_", "tower_displacement_")
+"""Beginnings of the names of channels that offsets move."""
+_LEAST_EXPLAINED = 0.3
+"""Share of the changes of power that a linear model must explain to be used [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelOptions:
+    """What a model is recorded from."""
+
+    runs: int = 30  #: without offsets, evenly over the wind speeds
+    duration: float = 200.0  #: of these [s]
+    speeds: int = 4  #: wind speeds of the responses
+    excited: int = 3  #: pairs of runs with and without drawn offsets at each
+    excited_duration: float = 150.0  #: of these [s]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """Recorded runs without offsets, and responses to offsets."""
+
+    speeds: NDArray[np.float64]  #: mean wind of each run [m/s], shape (n_runs,)
+    seeds: NDArray[np.int64]  #: of their turbulence, shape (n_runs,)
+    observations: NDArray[np.float32]  #: at the decisions, shape (n_runs, n, n_obs)
+    raw: NDArray[np.float64]  #: `RAW`, shape (n_runs, n, 9)
+    azimuth: NDArray[np.float64]  #: in the sense of rotation [rad], shape (n_runs, n)
+    pitch: NDArray[np.float64]  #: of the blades [rad], shape (n_runs, n, n_blades)
+    share: NDArray[np.float64]  #: in which offsets act, shape (n_runs, n)
+    knots: NDArray[np.float64]  #: wind speeds of the responses [m/s], shape (n_knots,)
+    responses: NDArray[np.float64]  #: of `RAW` and observations [1/rad], shape (n_knots, 9 + n_own, 3, n_lags)
+    explained: NDArray[np.float64]  #: share of the changes of an unseen run, shape (n_knots, 9 + n_own)
+    curvature: NDArray[np.float64]  #: share of power that offsets take by their mean square [1/rad^2], (n_knots,)
+
+
+def own_channels(env: WindTurbineEnv) -> list[int]:
+    """Places of the observed channels that offsets move."""
+    return [k for k, name in enumerate(env.layout.observation.names) if name.startswith(_OWN)]
+
+
+def check_environment(env: WindTurbineEnv) -> None:
+    """Refuse an environment of which there is no linear model."""
+    chosen, part = env.options.actions, linear_part(env.controller)
+    names = tuple(f"pitch_{name}_offset" for name in ("mean", "tilt", "yaw"))
+    if chosen.residual != "offset" or tuple(env.layout.action.names) != names:
+        raise ValueError(
+            "a linear model needs action_mode='residual', pitch='fixed-frame', residual_form='offset' and "
+            f"action_components=('pitch',), got the actions {list(env.layout.action.names)}"
+        )
+    if part is None:
+        raise ValueError("a linear model needs a base controller with an observer: 'discon+side_side_damper+observer'")
+    allowed = ("disturbance_", "linear_pitch_", "pitch_offset_", *_OWN)
+    if foreign := [name for name in env.layout.observation.names if not name.startswith(allowed)]:
+        raise ValueError(
+            "a linear model needs observation=['disturbances', 'own_response', 'offsets'] or some of them, got "
+            f"{', '.join(foreign[:5])}"
+        )
+    options = env.options
+    if options.variation.varies or options.faults.kinds or env.sensors == "all" or options.dial.weights is not None:
+        raise ValueError("a linear model needs one plant and exact sensors: leave out variation, faults, sensors, dial")
+    if options.observations.history != 1 or options.observations.delay or options.controller.residual_washout:
+        raise ValueError("a linear model needs history=1, sensor_delay=0 and no residual_washout")
+    if env.wind.speeds is None:
+        raise ValueError("a linear model needs winds with a mean speed: wind_speed=(low, high)")
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One run: samples at the decisions, offsets between them."""
+
+    observations: NDArray[np.float32]
+    raw: NDArray[np.float64]
+    azimuth: NDArray[np.float64]
+    pitch: NDArray[np.float64]
+    share: NDArray[np.float64]
+    acted: NDArray[np.float64]  #: (n - 1, 3)
+
+
+def _sample(env: WindTurbineEnv) -> tuple[Any, ...]:
+    signals, sign = env.signals, side_sign(env.turbine)
+    azimuth, residual = signals["azimuth"], env.operation.residual
+    raw = np.concatenate([
+        to_fixed_frame(signals["root_flap_moment"], azimuth),
+        [signals["tower_base_fore_aft_moment"], sign * signals["tower_base_side_side_moment"]],
+        to_fixed_frame(signals["root_edge_moment"], azimuth), [signals["generator_power"]],
+    ])  # fmt: skip
+    share = 1.0 if residual is None else residual.share
+    return raw, azimuth, signals["pitch"].copy(), share
+
+
+def record_run(
+    env: WindTurbineEnv, speed: float, seed: int, duration: float, actions: NDArray[np.float64] | None = None
+) -> _Run:
+    """Run for a duration [s] from the beginning of a wind, with actions (n, 3) or without."""
+    env.outer_steps = 10**9
+    observation, _ = env.reset(
+        seed=seed, options={"azimuth": 0.0, "wind_speed": speed, "wind_seed": seed, "time_offset": 0.0}
+    )
+    seen, samples, acted = [observation], [_sample(env)], []
+    times = round(env.control_dt / cast(LinearOptimalPitch, linear_part(env.controller)).design.interval)
+    nothing = np.zeros(3)
+    for k in range(round(duration / env.control_dt)):
+        observation, _, ended, _, info = env.advance(nothing if actions is None else actions[k])
+        if ended:
+            raise SimulationError(
+                f"the run at {speed:g} m/s, seed {seed}, ended after {info['time']:g} s ({info['termination']}): a "
+                "linear model needs whole runs"
+            )
+        seen.append(observation)
+        samples.append(_sample(env))
+        acted.append(cast(LinearOptimalPitch, linear_part(env.controller)).acted()[:, :times].mean(1))
+    return _Run(np.array(seen), *(np.array(part) for part in zip(*samples, strict=True)), np.array(acted))
+
+
+def record_runs(
+    env_id: str, arguments: Mapping[str, Any], jobs: Sequence[tuple[float, int, float, NDArray[np.float64] | None]]
+) -> list[_Run]:
+    """Runs of jobs (speed, seed, duration, actions), in several threads."""
+    local = threading.local()
+    given = {**registered_arguments(env_id, dict(arguments)), **_STILL}
+    given.pop("env_id", None)
+
+    def play(job: tuple[float, int, float, NDArray[np.float64] | None]) -> _Run:
+        if not hasattr(local, "env"):
+            local.env = WindTurbineEnv(**given)
+        return record_run(local.env, *job)
+
+    play((*jobs[0][:2], 2.0 * WindTurbineEnv(**given).control_dt, None))  # kernels are compiled by one thread
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(play, jobs))
+
+
+def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions = ModelOptions()) -> LinearModel:
+    """Record and identify a model, see `LinearModel`."""
+    given = {**registered_arguments(env_id, dict(arguments)), **_STILL}
+    given.pop("env_id", None)
+    env = WindTurbineEnv(**given)
+    check_environment(env)
+    low, high = cast("tuple[float, float]", env.wind.speeds)
+    spans, dt = env.operation.action.pitch_high, env.control_dt
+    part = cast(LinearOptimalPitch, linear_part(env.controller))
+    knots = np.linspace(low, high, options.speeds) if high > low else np.array([low])
+    pairs = [(float(v), seed) for v in knots for seed in TRAINING_WIND_SEEDS[: options.excited]]
+    size = part.design.limit / 4.0
+    excitation = Excitation(mean=0.4 * size, tilt_yaw=size)
+    steps = round(options.excited_duration / dt)
+    jobs: list[Any] = [(v, seed, options.excited_duration, None) for v, seed in pairs]
+    for k, (v, seed) in enumerate(pairs):
+        levels = excitation.draw(steps, dt, 100 + k) / spans[:, None]
+        jobs.append((v, seed, options.excited_duration, levels.clip(-1.0, 1.0).T))
+    winds = low + (high - low) * (np.arange(options.runs) + 0.5) / options.runs
+    seeds = np.array([TRAINING_WIND_SEEDS[k % len(TRAINING_WIND_SEEDS)] for k in range(options.runs)])
+    jobs += [(round(float(v), 2), int(seed), options.duration, None) for v, seed in zip(winds, seeds, strict=True)]
+    runs = record_runs(env_id, arguments, jobs)
+    still, moved, free = runs[: len(pairs)], runs[len(pairs) : 2 * len(pairs)], runs[2 * len(pairs) :]
+    own, lags = own_channels(env), round(HORIZON / dt)
+    responses, explained, curvature = [], [], []
+    for k in range(len(knots)):
+        at = slice(k * options.excited, (k + 1) * options.excited)
+        inputs = [run.acted.T for run in moved[at]]
+        changes = [
+            np.concatenate([a.raw - b.raw, a.observations[:, own] - b.observations[:, own]], axis=1).T
+            for a, b in zip(moved[at], still[at], strict=True)
+        ]
+        trial = identify(inputs[:-1], changes[:-1], lags, 1e-3, 4.0)
+        explained.append(explained_share(trial, inputs[-1:], changes[-1:]))
+        found = identify(inputs, changes, lags, 1e-3, 4.0)
+        power = RAW.index("power")
+        if explained[-1][power] < _LEAST_EXPLAINED:
+            found[power] = 0.0
+        mean = float(np.mean([run.raw[:, power].mean() for run in still[at]]))
+        modeled = [respond(found, given)[power] for given in inputs]
+        curvature.append(change_of_power([change[power] for change in changes], modeled, inputs, mean))
+        responses.append(found)
+    return LinearModel(
+        speeds=np.array([round(float(v), 2) for v in winds]), seeds=seeds, knots=knots,
+        responses=np.stack(responses), explained=np.stack(explained), curvature=np.array(curvature),
+        **_stacked(free),
+    )  # fmt: skip
+
+
+def _stacked(runs: Sequence[_Run]) -> dict[str, Any]:
+    names = "observations", "raw", "azimuth", "pitch", "share"
+    return {name: np.stack([getattr(run, name) for run in runs]) for name in names}
+
+
+def cached_model(env_id: str, arguments: Mapping[str, Any]) -> LinearModel:
+    """Model from the cache of the user, or a new one."""
+    given = registered_arguments(env_id, dict(arguments))
+    described = {name: value for name, value in given.items() if name not in _NO_MATTER}
+    env = WindTurbineEnv(**{**{k: v for k, v in given.items() if k != "env_id"}, **_STILL})
+    definition = {
+        "fingerprint": benchmark_fingerprint(env.turbine, env.fidelity),
+        "env": env_id, "arguments": json.dumps(described, sort_keys=True, default=repr),
+    }  # fmt: skip
+    store = RecordingStore(cached_file("linear"), LinearModel)
+    if (model := store.find(definition)) is None:
+        print(f"recording a linear model of {env.turbine.name}: a minute or two, once on this machine", file=sys.stderr)
+        model = make_model(env_id, arguments)
+        store.keep(definition, model)
+    return model
+
+
+_NO_MATTER = ("env_id", "rate_reward", "reward", "relative_reward", "reward_credit", "start", "starts")
+
+
+class LinearVectorEnv(WindTurbineVectorEnv):
+    """Many linear models beside each other, stepped in one compiled loop; see the module.
+
+    Parameters
+    ----------
+    num_envs, max_episode_steps, autoreset_mode
+        As of `WindTurbineVectorEnv`. Without a limit episodes last until the recorded wind ends.
+    model : LinearModel, optional
+        By default that of the arguments, from the cache of the user.
+    **kwargs
+        Arguments of the environment that is modeled.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        model: LinearModel | None = None,
+        **kwargs: Any,
+    ):
+        env_id = kwargs.pop("modeled")
+        kwargs.pop("env_id", None)
+        super().__init__(1, max_episode_steps, autoreset_mode, 1, **_modeled(env_id, kwargs))
+        check_environment(self.envs[0])
+        self.num_envs = num_envs
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._observations = np.zeros((num_envs, *self.single_observation_space.shape), np.float32)
+        self.model = cached_model(env_id, kwargs) if model is None else model
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Responses of each run, and what the reward is made of."""
+        env, model, dt, n = self.envs[0], self.model, self.envs[0].control_dt, self.num_envs
+        terms, turbine = env.reward_terms, env.turbine
+        runs = len(model.speeds)
+        responses = np.array([_between(model.knots, model.responses, v) for v in model.speeds])
+        normalized = responses[:, : len(LOADS)].copy()
+        recorded = model.raw[..., : len(LOADS)].transpose(0, 2, 1).copy()
+        for term in terms:
+            if isinstance(term, BladeFatigue | TowerForeAftFatigue | TowerSideSideFatigue):
+                rows, washed = term.rows
+                normalized[:, rows] /= term.reference(turbine)
+                recorded[:, rows] /= term.reference(turbine)
+                normalized[:, washed] = without_mean(normalized[:, washed], dt, term.time_constant)
+                recorded[:, washed] -= recorded[:, washed].mean(-1, keepdims=True)
+                recorded[:, washed] = without_mean(recorded[:, washed], dt, term.time_constant)
+        self._loads = np.ascontiguousarray(recorded.transpose(0, 2, 1))
+        self._responses = np.ascontiguousarray(np.concatenate([normalized, responses], axis=1).transpose(0, 3, 1, 2))
+        self._curvature = np.array([_between(model.knots, model.curvature, v) for v in model.speeds])
+        lags, outputs = self._responses.shape[1:3]
+        self._weights = fatigue_weights(terms)
+        uses = 1 + turbine.drivetrain.takes_torque + (turbine.nacelle.max_yaw_rate > 0.0)
+        use = sum(term.weight for term in terms if isinstance(term, ActuatorUse))
+        self._use = use / uses / turbine.pitch.max_rate / dt
+        power = sum(term.weight for term in terms if isinstance(term, Power))
+        self._power = power * float(self._curvature.mean())
+        self._credited_steps = lags if env.options.rewards.credit else 0
+        spans = env.operation.action.spans
+        self._spans = env.operation.action.pitch_high.copy()
+        self._reach = spans["pitch_rate"] * dt
+        count = env.operation.count
+        self._lead = 0.5 * (1.0 + 1.0 / count)  # mean over a ramp in so many steps of the simulator
+        self._own = np.array(own_channels(env), dtype=np.int64)
+        names = list(env.layout.observation.names)
+        offsets = [names.index(f"pitch_offset_{k}") for k in (1, 2, 3) if f"pitch_offset_{k}" in names]
+        self._offset_places = np.array(offsets, dtype=np.int64)
+        space = env.observation_space
+        self._low, self._high = np.asarray(space.low, float), np.asarray(space.high, float)
+        self._recorded = model.observations
+        self._run, self._time, self._end, self._first = (np.zeros(n, np.int64) for _ in range(4))
+        self._offset, self._acted = np.zeros((n, 3)), np.zeros((n, 3))
+        self._changes, self._effects = np.zeros((n, lags, outputs)), np.zeros((n, outputs))
+        self._credited, self._rewards = np.zeros(n), np.zeros(n)
+        self._now, self._scratch, self._image = np.zeros(outputs), np.zeros(5), np.zeros((lags, len(LOADS)))
+        self._unit = env.reward_unit
+        self._generators = [np.random.default_rng() for _ in range(n)]
+        self._seeds: list[int | None] = [None] * n
+        self._over = np.ones(n, dtype=np.bool_)
+        self._threads, self._pool = 1, None
+        assert runs == len(self._recorded)
+
+    # ---- episodes ----
+
+    def start_at(self, k: int, run: int, time: float = SETTLED) -> None:
+        """Begin an episode of model k in a recorded run at a time [s]; it lasts until the run ends."""
+        self._run[k], self._time[k] = run, round(time / self.envs[0].control_dt)
+        self._end[k] = self._recorded.shape[1] - 1
+        for array in (self._offset, self._acted, self._changes, self._effects, self._credited):
+            array[k] = 0.0
+        self._first[k], self._over[k], self._begun = 0, False, True
+
+    def _draw(self, k: int) -> None:
+        """Begin an episode in a drawn run at a drawn time."""
+        rng, dt = self._generators[k], self.envs[0].control_dt
+        self.start_at(k, int(rng.integers(len(self._recorded))))
+        steps = self._most_steps or 0
+        first, last = round(SETTLED / dt), self._end[k] - steps - self._changes.shape[1]
+        if steps:
+            self._time[k] = int(rng.integers(first, max(last, first) + 1))
+            self._end[k] = min(self._time[k] + steps, self._end[k])
+
+    def reset_each(
+        self, seeds: Sequence[int | None], options: dict[str, Any] | None, chosen: Iterable[int]
+    ) -> list[tuple[np.ndarray, dict[str, Any]]]:
+        """Start episodes of the chosen models; give observation and info of each."""
+        if options:
+            raise ValueError(f"a linear model has no options of a reset, got {', '.join(options)}")
+        chosen = list(chosen)
+        for k in chosen:
+            if seeds[k] is not None:
+                self._generators[k] = np.random.default_rng(seeds[k])
+                self._seeds[k] = seeds[k]
+            self._draw(k)
+        seen = self._observe()
+        return [(seen[k], self._info(k)) for k in chosen]
+
+    def _info(self, k: int) -> dict[str, Any]:
+        return {"wind_speed": float(self.model.speeds[self._run[k]])}
+
+    def _observe(self) -> np.ndarray:
+        """Observations of all models."""
+        out = np.empty(self._observations.shape, np.float32)
+        observe_all(
+            self._run, self._time, self._offset, self._spans, self._effects, self._recorded,
+            len(LOADS) + len(RAW), self._own, self._offset_places, self._low, self._high, out,
+        )  # fmt: skip
+        return out
+
+    def step_each(self, actions: np.ndarray) -> list[Outcome]:
+        """Advance every model by a control step, with errors as of `step`."""
+        if not self._begun:
+            raise ResetNeeded("no episodes were started: call reset() before step()")
+        actions = np.asarray(actions)
+        over = self._over.copy()
+        if over.any() and self.autoreset_mode != AutoresetMode.NEXT_STEP:
+            raise ResetNeeded(f"the episodes of models {np.flatnonzero(over).tolist()} are over")
+        values = np.stack([self.layout.action.validate(action) for action in actions])
+        model = self.model
+        for k in np.flatnonzero(over):  # this step is their reset
+            self._draw(int(k))
+            self._time[k] -= 1  # and the step that all take is undone below
+        saved = [(int(k), self._offset[k].copy()) for k in np.flatnonzero(over)]
+        advance_all(
+            values, self._spans, self._reach, model.share, self._run, self._time, self._offset, self._acted,
+            self._changes, self._first, self._loads, self._responses, model.azimuth, model.pitch, self._lead,
+            self._weights, self._use, self._power, self._credited_steps, self._credited, self._effects, self._rewards,
+            self._now, self._scratch, self._image,
+        )  # fmt: skip
+        for k, offset in saved:
+            for array in (self._acted, self._changes, self._effects, self._credited):
+                array[k] = 0.0
+            self._offset[k] = offset
+        ended = (self._time >= self._end) & ~over
+        rewards = np.where(over, 0.0, self._unit * self._rewards)
+        self._over[:] = ended
+        seen = self._observe()
+        final = {}
+        if ended.any() and self.autoreset_mode == AutoresetMode.SAME_STEP:
+            for k in np.flatnonzero(ended).tolist():
+                final[k] = seen[k].copy(), self._info(k)
+                self._draw(k)
+            seen = self._observe()
+        return [
+            Outcome(seen[k], float(rewards[k]), False, bool(ended[k]), self._info(k), final.get(k))
+            for k in range(self.num_envs)
+        ]
+
+    # ---- forecast ----
+
+    @property
+    def effects(self) -> NDArray[np.float64]:
+        """Changes of `RAW` at the present decisions (n_envs, 9)."""
+        return self._effects[:, len(LOADS) : len(LOADS) + len(RAW)].copy()
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Attribute of the environment that is modeled, for every model."""
+        if name == "np_random_seed":
+            return tuple(-1 if seed is None else seed for seed in self._seeds)
+        if name == "np_random":
+            return tuple(self._generators)
+        return tuple(getattr(self.envs[0], name) for _ in range(self.num_envs))
+
+
+def _modeled(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    given = registered_arguments(env_id, dict(kwargs))
+    return {name: value for name, value in given.items() if name != "env_id"}
+
+
+def _between(knots: NDArray[np.float64], values: NDArray[np.float64], at: float) -> Any:
+    """Values (n, ...) at knots, between them."""
+    if len(knots) == 1:
+        return values[0]
+    place = float(np.interp(at, knots, np.arange(len(knots))))
+    k = min(int(place), len(knots) - 2)
+    return values[k] + (place - k) * (values[k + 1] - values[k])
+
+
+class LinearTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray]):
+    """One linear model of a turbine, see `LinearVectorEnv` and the module."""
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as its base
+
+    def __init__(self, **kwargs: Any):
+        self._models = LinearVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, **kwargs)
+        self.observation_space = self._models.single_observation_space
+        self.action_space = self._models.single_action_space
+        self.layout = self._models.layout
+        self.render_mode = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode in a recorded wind, at a drawn time."""
+        super().reset(seed=seed)
+        self._models._generators[0] = self.np_random
+        return self._models.reset_each([None], options, [0])[0]
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Advance by one control step."""
+        if self._models._over[0]:
+            raise ResetNeeded("the episode is over, or none was started: call reset() before step()")
+        out = self._models.step_each(np.asarray(action)[None])[0]
+        return out.observation, cast(float, out.reward), out.terminated, out.truncated, out.info
+
+
+def forecast(models: LinearVectorEnv, agent: Agent, skip: float = 30.0) -> list[dict[str, float]]:
+    """Changes of the metrics of the lifetime cost by an agent, beside zero actions, in each recorded run of a model.
+
+    Parameters
+    ----------
+    models : LinearVectorEnv
+        With one model for each run.
+    skip : float
+        First part of the runs that does not count [s].
+
+    Returns
+    -------
+    list of dict
+        By run: relative changes of ``captured_power``, ``blade_flap_del``, ``blade_edge_del``, ``tower_fore_aft_del``,
+        ``tower_side_side_del``, and the change of ``pitch_duty_cycle`` itself.
+    """
+    model, env = models.model, models.envs[0]
+    dt, runs = env.control_dt, len(model.speeds)
+    if models.num_envs != runs:
+        raise ValueError(f"a forecast needs a model for each of {runs} runs, got {models.num_envs}")
+    for k in range(runs):
+        models.start_at(k, k, 2.0 * dt)
+    seen, changes, acted = models._observe(), [], []
+    while not models._over.any():
+        action, _ = agent.predict(seen, deterministic=True)
+        outcomes = models.step_each(np.asarray(action))
+        seen = np.stack([out.observation for out in outcomes])
+        changes.append(models.effects)
+        acted.append(models._acted.copy())
+    change, offsets = np.stack(changes, axis=1), np.stack(acted, axis=1)
+    return [_changed(model, env, k, change[k], offsets[k], models._curvature[k], skip) for k in range(runs)]
+
+
+def _changed(
+    model: LinearModel, env: WindTurbineEnv, k: int, change: NDArray[np.float64], offsets: NDArray[np.float64],
+    curvature: float, skip: float,
+) -> dict[str, float]:  # fmt: skip
+    dt, n = env.control_dt, len(change)
+    start = round(skip / dt)
+    raw, azimuth, pitch = (getattr(model, name)[k, -n:] for name in ("raw", "azimuth", "pitch"))
+    n_blades, found = pitch.shape[1], {}
+    time = (n - start) * dt
+
+    def load(series: NDArray[np.float64], exponent: float) -> float:
+        return damage_equivalent_load(np.ascontiguousarray(series[start:]), time, exponent)
+
+    for name, first in (("blade_flap_del", 0), ("blade_edge_del", 5)):
+        now, before = (
+            max(load(blade, BLADE_EXPONENT) for blade in to_blades(loads.T, azimuth, n_blades))
+            for loads in ((raw + change)[:, first : first + 3], raw[:, first : first + 3])
+        )
+        found[name] = now / before - 1.0
+    for name, row in (("tower_fore_aft_del", 3), ("tower_side_side_del", 4)):
+        found[name] = load((raw + change)[:, row], TOWER_EXPONENT) / load(raw[:, row], TOWER_EXPONENT) - 1.0
+    moved = pitch.T + to_blades(offsets.T, azimuth, n_blades)
+    duty = [float(np.abs(np.diff(one[:, start:])).mean()) / dt / env.turbine.pitch.max_rate for one in (moved, pitch.T)]
+    found["pitch_duty_cycle"] = duty[0] - duty[1]
+    mean = float(raw[start:, 8].mean())
+    square = float((offsets[start:] ** 2).sum(1).mean())
+    found["captured_power"] = float(change[start:, 8].mean()) / mean - curvature * square
+    return found
