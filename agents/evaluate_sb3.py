@@ -30,7 +30,7 @@ def main():
     }  # fmt: skip
     winds = tuple(Wind(speed, seed) for speed in (15.0, 18.0) for seed in EVALUATION_WIND_SEEDS[: arguments.winds])
     config = EvaluationConfig(
-        "wt_gym/LoadReduction-v2", {"control_dt": 0.2}, winds, duration=arguments.duration,
+        "wt_gym/LoadReduction-v3", {"control_dt": 0.2}, winds, duration=arguments.duration,
         skip=min(30.0, arguments.duration / 3), replay=0.0,
     )  # fmt: skip
     evaluation = evaluate(agents, config)

@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
 from wt_gym.learning.environments import TurbineVecEnv
 
-ENV_ID = "wt_gym/LoadReduction-v2"
+ENV_ID = "wt_gym/LoadReduction-v3"
 ENV_KWARGS = {"wind_speed": [14.0, 18.0], "controller": "discon+side_side_damper", "control_dt": 0.2}
 
 

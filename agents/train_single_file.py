@@ -21,7 +21,7 @@ from torch import nn
 
 import wt_gym  # noqa: F401 - registers the environments
 
-ENV_ID = "wt_gym/LoadReduction-v2"
+ENV_ID = "wt_gym/LoadReduction-v3"
 ENV_KWARGS = {"wind_speed": [14.0, 18.0], "controller": "discon+side_side_damper", "control_dt": 0.2}
 GAMMA, LAMBDA = 0.98, 0.95  # per control step: the discount looks 10 s ahead
 CLIP, RATE, EPOCHS, BATCH, ROLLOUT = 0.2, 4e-4, 6, 256, 2048

@@ -42,8 +42,8 @@ def test_every_task_has_its_goal_wind_and_names(task):
 
 
 def test_conditions_are_those_that_differ_from_nothing():
-    assert rows(gym.make("wt_gym/Dial-v0").unwrapped)["conditions"] == "a dial on the weights of the reward"
-    assert rows(gym.make("wt_gym/PowerTracking-v0").unwrapped)["conditions"] == "a power reference"
+    assert rows(gym.make("wt_gym/Dial-v1").unwrapped)["conditions"] == "a dial on the weights of the reward"
+    assert rows(gym.make("wt_gym/PowerTracking-v1").unwrapped)["conditions"] == "a power reference"
     env = WindTurbineEnv(fault_kinds=("stuck_blade",), variation={"air_density": 0.9})
     assert rows(env)["conditions"] == "faults: stuck_blade; variation: air_density"
     assert "conditions" not in rows(WindTurbineEnv())
@@ -68,7 +68,7 @@ def test_wrappers_and_texts_show_one_line():
 
 
 def test_vector_environments_say_how_many():
-    envs = gym.make_vec("wt_gym/LoadReduction-v2", num_envs=3)
-    assert rows(envs)["task"].startswith("3 turbines, wt_gym/LoadReduction-v2: Less blade fatigue")
+    envs = gym.make_vec("wt_gym/LoadReduction-v3", num_envs=3)
+    assert rows(envs)["task"].startswith("3 turbines, wt_gym/LoadReduction-v3: Less blade fatigue")
     assert "\n" not in str(gym.wrappers.vector.RecordEpisodeStatistics(envs)) + repr(envs) + f"{envs}"
     envs.close()

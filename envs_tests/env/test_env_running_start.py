@@ -30,7 +30,7 @@ from wt_gym.simulation.channels import parities
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
 
-TASK = "wt_gym/LoadReduction-v2"
+TASK = "wt_gym/LoadReduction-v3"
 LOADS = ("root_flap_moment", "tower_base_fore_aft_moment", "tower_base_side_side_moment")
 BRIEF = RecordingPlan(settling=10.0, instants=2, spacing=0.1)
 PLAIN = next(recorded for recorded in CATALOG if recorded.name == "nrel_5mw")

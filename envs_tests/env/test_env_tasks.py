@@ -96,7 +96,7 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(scripted):
     """Made with episode_length=120 a task of 60 s stays at 60 s, which shows when its first episode has ended there."""
 
     def warned(steps=600, **kwargs):
-        env = gym.make("wt_gym/LoadReduction-v2", relative_reward=False, starts=None, **kwargs)
+        env = gym.make("wt_gym/LoadReduction-v3", relative_reward=False, starts=None, **kwargs)
         with warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always")
             env.reset(seed=0)
@@ -107,7 +107,7 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(scripted):
         return [str(w.message) for w in found if "max_episode_steps" in str(w.message)]
 
     (message,) = warned(episode_length=120.0)
-    assert "the limit of wt_gym/LoadReduction-v2 ends episodes after 600 steps, 60 s, before the" in message
+    assert "the limit of wt_gym/LoadReduction-v3 ends episodes after 600 steps, 60 s, before the" in message
     assert "episode_length of 120 s: make it with max_episode_steps=1200 instead" in message
     for quiet in ({"max_episode_steps": 1200}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
         assert warned(**quiet) == []
