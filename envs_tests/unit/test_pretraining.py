@@ -43,7 +43,7 @@ BASE = {
 EXPONENTS = (metrics.BLADE_EXPONENT, metrics.TOWER_EXPONENT)
 ARGUMENTS = {
     "controller": "linear_optimal", "observation": ["disturbances"], "control_dt": 0.1, "residual_form": "offset",
-    "residual_washout": None, "sensor_washout": None, "relative_reward": False,
+    "residual_washout": None, "sensor_washout": None, "relative_reward": False, "reward_credit": False,
 }  # fmt: skip
 
 
@@ -303,13 +303,14 @@ def test_a_condition_is_that_of_the_recorded_episode():
 def test_offsets_that_are_recorded_are_those_that_the_objective_takes_of_the_policy(controller, condition):
     """In the frame of the readings, with what a supervisor leaves of them."""
     asked = np.tile(np.array([0.1, 0.5, -0.25], dtype=np.float32), (60, 1))
-    arguments = json.dumps(ARGUMENTS | {"controller": controller, "residual_fade": False})
+    spans = {"pitch_mean": math.radians(0.5)}
+    arguments = json.dumps(ARGUMENTS | {"controller": controller, "residual_fade": False, "action_spans": spans})
     played, told = PlayedActions(asked), json.dumps(condition)
     found = record_episode(EpisodeJob("wt_gym/LoadReduction-v3", arguments, 17.0, 3, 6.0, played, condition=told))
     assert (found.steps, found.flap.shape, found.observations.shape[0]) == (60, (3, 61), 60)
-    spans = Limits(math.radians(0.5), math.radians(4.0), None, FULL, RATED, 5.0)
+    limits = Limits(math.radians(0.5), math.radians(4.0), None, FULL, RATED, 5.0)
     cyclic = found.share * found.individual
-    expected = spans.offsets(torch.from_numpy(asked), tensor(np.stack([found.share, cyclic, cyclic])), DT).numpy()
+    expected = limits.offsets(torch.from_numpy(asked), tensor(np.stack([found.share, cyclic, cyclic])), DT).numpy()
     reached = slice(40, None)  # offsets move at their greatest rate
     np.testing.assert_allclose(found.offsets[:, reached], expected[:, reached], atol=2e-4)
     assert (found.individual[-1] == 0.0) == (condition.get("fault_kinds") == ["stuck_blade"])
@@ -523,7 +524,7 @@ def test_the_linear_optimal_controller_takes_the_place_of_the_published_one_belo
     assert config.env_kwargs["controller"] == "linear_optimal+supervisor:averaging=60"
     assert config.env_kwargs["action_components"] == ["pitch"]
     faults = TrainingConfig(env_id="wt_gym/Faults-v1", pretraining={}, total_steps=0)
-    assert faults.env_kwargs["controller"] == "linear_optimal+yaw"
+    assert faults.env_kwargs["controller"] == "linear_optimal+yaw"  # with damper and observer of its own
 
 
 def test_given_arguments_come_before_those_of_pretraining_single_or_in_groups():
