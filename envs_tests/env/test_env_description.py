@@ -37,7 +37,8 @@ def test_every_task_has_its_goal_wind_and_names(task):
     assert f"{env.wind.speeds[1]:.4g} m/s" in found["wind"]
     for name in env.action_names:
         assert name in found["actions"]
-    assert found["observations"].startswith(f"{env.observation_space.shape[0]}: rotor_")
+    first = env.observation_names[0].rstrip("1")
+    assert found["observations"].startswith(f"{env.observation_space.shape[0]}: {first}")
     assert all(term.name in found["reward"] for term in env.reward_terms)
 
 
