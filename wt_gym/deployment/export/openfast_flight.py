@@ -86,8 +86,8 @@ def scene_of(
         For arguments that the environment does not take, and a turbine besides a trained agent.
     """
     name = parse_name(choice)
-    steady = {"relative_reward": False, "start": "steady", "episode_length": None, "simulator": "wt_gym"}
-    steady |= {"sensors": "agent", "sensor_noise": 0.0, "sensor_delay": 0.0}  # as the model is
+    steady = {"relative_reward": False, "reward_credit": False, "start": "steady", "episode_length": None}
+    steady |= {"simulator": "wt_gym", "sensors": "agent", "sensor_noise": 0.0, "sensor_delay": 0.0}  # as the model is
     if name.kind == "trained":
         if turbine is not None:
             raise ValueError("the turbine is that of the agent's training; it must be left out")
