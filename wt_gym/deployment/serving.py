@@ -96,7 +96,10 @@ def answers_of(
         )
     given: dict[str, Any] = {} if turbine is None else {"turbine": turbine}
     if name.kind == "word":  # which looks at nothing
-        given |= {"observation": ["rotor_speed"], "action_components": ["pitch"], "residual_fade": False}
+        given |= {
+            "observation": ["rotor_speed"], "action_components": ["pitch"], "action_spans": None,
+            "residual_fade": False,
+        }  # fmt: skip
     env = _environment(registered_arguments(env_id or DEFAULT_ENV, given | env_choices_of(choice)))
     return ServedAgent(lambda: load_agent(choice, env.layout), env, lead)
 
