@@ -342,6 +342,7 @@ def made_design(seed=7, knots=(0.1, 0.2), **changes):
         "pitch": np.array(knots), "responses": rng.normal(size=(n, 6, 3, 12)).astype(np.float32),
         "gains": 1e-3 * rng.normal(size=(n, 3, 6, 9)).astype(np.float32),
         "scale": np.array([1e6, 1e6, 1e6, 0.1, 0.1, 0.03]), "washout": np.array([30.0, 0.0, 0.0, 30.0, 30.0, 30.0]),
+        "loads": 1e8 * rng.normal(size=(n, 2, 3, np.shape(changes.get("responses", np.zeros(12)))[-1])),
         "interval": DT, "limit": 0.07, "rate_limit": 0.05, "fade": 0.05,
         "record": {"turbine": "NREL", "speeds": [1, 2]},
     }  # fmt: skip
@@ -358,7 +359,7 @@ def test_a_design_comes_back_from_its_file(tmp_path):
     design, path = made_design(), tmp_path / "design.npz"
     save_design(design, path)
     found = load_design(path)
-    for name in ("pitch", "responses", "gains", "scale", "washout"):
+    for name in ("pitch", "responses", "gains", "scale", "washout", "loads"):
         np.testing.assert_allclose(getattr(found, name), getattr(design, name), rtol=1e-7)
     assert (found.interval, found.limit, found.rate_limit, found.fade) == (DT, 0.07, 0.05, 0.05)
     assert found.record == design.record
@@ -381,6 +382,8 @@ def test_a_design_comes_back_from_its_file(tmp_path):
         {"limit": math.nan},
         {"fine_speed": (1.0, 0.9)},
         {"washout": np.full(6, np.inf)},
+        {"loads": np.zeros((2, 2, 3, 11))},
+        {"loads": np.full((2, 2, 3, 12), np.nan)},
     ],
 )
 def test_a_design_refuses(wrong):
@@ -401,9 +404,9 @@ def test_files_that_are_no_designs(tmp_path):
     save_design(made_design(), path)
     with np.load(path) as found:
         arrays = dict(found)
-    arrays["head"] = np.array(str(arrays["head"]).replace('"format": 2', '"format": 99'))
+    arrays["head"] = np.array(str(arrays["head"]).replace('"format": 3', '"format": 99'))
     np.savez(path, **arrays)
-    with pytest.raises(ControllerError, match="format 2, got 99"):
+    with pytest.raises(ControllerError, match="format 3, got 99"):
         load_design(path)
 
 
@@ -488,9 +491,10 @@ def test_what_an_agent_sees_is_the_past_with_the_present_instant(turbine):
     past = np.stack([without_lasting(row, tau, DT) for row, tau in zip(wanted, design.washout, strict=True)])
     expected = np.stack([bin_means(row, bins) for row in past])  # of a past that stood still before
     started = design.gains.shape[-1]
+    expected[:, 1:] = expected[:, :-1] - expected[:, 1:]
     shown = seen[:, : 6 * len(bins)].reshape(-1, 6, len(bins)).transpose(1, 2, 0)
     np.testing.assert_allclose(shown[..., started:], expected[..., started:], atol=1e-6)
-    np.testing.assert_allclose(seen[:, -14:-12], [[1.0, 0.15]] * len(seen), atol=0.01)
+    np.testing.assert_allclose(seen[:, -24:-22], [[1.0, 0.15]] * len(seen), atol=0.01)
 
 
 def test_an_agent_sees_how_the_model_fits(turbine):
@@ -500,7 +504,7 @@ def test_an_agent_sees_how_the_model_fits(turbine):
     explained = respond(design.responses[0], acting)
     fit = ModelFit(6, DT)
     for k in range(found.shape[1]):
-        np.testing.assert_allclose(seen[k, -12:], fit.values, atol=1e-6)
+        np.testing.assert_allclose(seen[k, -22:-10], fit.values, atol=1e-6)
         fit.update(found[:, k], explained[:, k], int(k > 0))
     assert np.abs(fit.values).max() > 0.1
 
