@@ -16,6 +16,7 @@ from wt_gym.control import Demand
 from wt_gym.control.controllers import Combined, FadeParameters, make_controller
 from wt_gym.control.controllers.controller import memory_of, remember
 from wt_gym.control.controllers.linear_optimal import (
+    MOTION_CORNER,
     SHIPPED,
     LinearDesign,
     LinearOptimalPitch,
@@ -507,6 +508,24 @@ def test_an_agent_sees_how_the_model_fits(turbine):
         np.testing.assert_allclose(seen[k, -22:-10], fit.values, atol=1e-6)
         fit.update(found[:, k], explained[:, k], int(k > 0))
     assert np.abs(fit.values).max() > 0.1
+
+
+def test_an_agent_sees_what_offsets_did_and_how_the_tower_moves(turbine):
+    """Its own response by the model, and velocity and displacement of a tower that swings for a while."""
+    controller, _, _, seen, acting = driven_with_an_agent(turbine)
+    explained = respond(controller.design.responses[0], acting)[:, : len(seen)]
+    np.testing.assert_allclose(seen[:, -10:-4], explained.T, atol=1e-6)
+    frequency, dt, outputs = 1j * controller.natural, 0.01, np.array([6e6, 0.0, 0.0, 0.0, 0.0, SPEED])
+    integrator = frequency / (frequency + MOTION_CORNER * controller.natural) ** 2
+    controller.start(signals_of(outputs, 0.0))
+    for k in range(6000):
+        swing = np.exp(frequency * k * dt) * (0.3, 0.1)
+        outputs[3:5] = swing.imag
+        controller.step(signals_of(outputs, 0.0), dt, above_rated())
+    shown = controller.known(signals_of(outputs, 0.0) | {"pitch": np.full(3, 0.2)})[-4:]
+    velocity = integrator * swing
+    np.testing.assert_allclose(shown, np.concatenate([velocity, integrator * velocity]).imag, atol=2e-3)
+    assert (np.abs(velocity) > 0.9 * np.array([0.3, 0.1]) / controller.natural).all()
 
 
 def test_offsets_are_the_filtered_past_times_the_gains(turbine):
