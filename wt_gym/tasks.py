@@ -86,7 +86,7 @@ _OFFSETS = {
     "sensor_washout": None,
     "control_dt": 0.2,
     "reward": {
-        "blade_fatigue": 1.5, "tower_fore_aft_fatigue": 2.0, "tower_side_side_fatigue": 0.5, "actuator_use": 0.8,
+        "blade_fatigue": 1.5, "tower_fore_aft_fatigue": 2.0, "tower_side_side_fatigue": 0.4, "actuator_use": 0.6,
     },
     "rate_reward": True,
     "reward_credit": True,

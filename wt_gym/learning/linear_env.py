@@ -437,6 +437,32 @@ class LinearVectorEnv(WindTurbineVectorEnv):
 
     # ---- forecast ----
 
+    def gradient_rates(self) -> NDArray[np.float64]:
+        """Gradient at zero actions of the fatigue rewards of the next steps by each action.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n_runs, n, n_lags, 3)
+            Entry (r, t, l, j): of the reward l steps after that of action t of run r, by offset j over its span.
+        """
+        loads, weights, spans = self._loads, self._weights, self._spans
+        turning = 0.5 * (loads[..., 1] ** 2 + loads[..., 2] ** 2)
+        blade = (1.0 - weights[1]) * loads[..., 0] ** 2 + turning
+        slopes = np.empty_like(loads)  # of the rate by each load
+        slopes[..., :3] = -weights[0] * loads[..., :3] / (1.0 + blade[..., None]) ** 2
+        slopes[..., 0] *= 2.0 * (1.0 - weights[1])
+        slopes[..., 3:] = -2.0 * weights[2:] * loads[..., 3:] / (1.0 + loads[..., 3:] ** 2) ** 2
+        lags = self._responses.shape[1]
+        steps = loads.shape[1] - lags - 1
+        out = np.zeros((len(loads), steps, lags, 3))
+        for lag in range(lags):
+            ahead = slopes[:, lag + 1 : lag + 1 + steps]
+            out[:, :, lag] = np.einsum("rto,roj->rtj", ahead, self._responses[:, lag, : len(LOADS)]) * spans
+        if self._credited_steps:  # all of it in the step of the action
+            out[:, :, 0] = out.sum(2)
+            out[:, :, 1:] = 0.0
+        return self._unit * out
+
     @property
     def effects(self) -> NDArray[np.float64]:
         """Changes of `RAW` at the present decisions (n_envs, 9)."""
