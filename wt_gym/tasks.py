@@ -72,7 +72,7 @@ _FIXED_FRAME = {**_RESIDUAL, "pitch": "fixed-frame", "residual_washout": 15.0, "
 # have done: from disturbances alone a law needs a long memory, from loads alone its loop may become unstable. Offsets
 # reach what linear optimal pitch does, and fade out below rated wind, where they would cost power. Weights price loads
 # as the lifetime cost does, and each action is paid its own effects (`wt_gym.envs.credit`).
-_OFFSETS = {
+_OFFSETS: dict[str, Any] = {
     **_FIXED_FRAME,
     "residual_form": "offset",
     "residual_fade": True,
