@@ -25,13 +25,13 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.run import ENDLESS, EpisodePlayer, benchmark_metrics
+from wt_gym.experiment.tuning import Cost
 from wt_gym.learning.linear_env import LinearVectorEnv
 from wt_gym.learning.pretraining_episodes import PlayedActions
 
@@ -103,23 +103,14 @@ def bound(env_id: str, arguments: Mapping[str, Any], o: LearnabilityOptions) -> 
     if tuple(names) != tuple(f"pitch_{name}_offset" for name in ("mean", "tilt", "yaw")):
         raise ValueError(f"the bound needs actions that are offsets of mean, tilt and yaw, got {', '.join(names)}")
     free = {**arguments, "observation": ["rotor"]}
-    gained = np.zeros(2)
+    gained, cost = np.zeros(2), Cost()
     for job in ((speed, seed) for speed in o.speeds for seed in o.seeds):
         before, _ = _metrics(env_id, {**free, "controller": BASELINE}, None, job, o)
         best, offsets = _metrics(env_id, {**free, "controller": "linear_optimal"}, None, job, o)
         played = PlayedActions((offsets / spans).clip(-1.0, 1.0))
         now, _ = _metrics(env_id, arguments, played, job, o)
-        gained += [improvement(best, before), improvement(now, before)]
+        gained -= [cost.of(best, before, plain.turbine), cost.of(now, before, plain.turbine)]
     return float(gained[1] / gained[0])
-
-
-def improvement(now: Mapping[str, float], before: Mapping[str, float]) -> float:
-    """Improvement of the lifetime cost, see `wt_gym.analysis.metrics.LIFETIME_COST_WEIGHTS`."""
-    whole = ("pitch_duty_cycle", "torque_rate")
-    return -sum(
-        weight * (now[name] - before[name]) / (1.0 if name in whole else before[name])
-        for name, weight in LIFETIME_COST_WEIGHTS.items()
-    )
 
 
 def _models(env_id: str, arguments: Mapping[str, Any], count: int) -> LinearVectorEnv:
