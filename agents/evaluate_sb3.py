@@ -26,11 +26,12 @@ def main():
     parser.add_argument("--duration", type=float, default=180.0, help="of a run, s (default: %(default)s)")
     arguments = parser.parse_args()
     agents = {  # the first is the baseline; model.json beside the model has its base controller
-        "discon": "discon", "zero actions": "discon+side_side_damper", "ipc": "ipc", "PPO": arguments.model
+        "discon": "discon", "zero actions": "discon+side_side_damper", "ipc": "ipc",
+        "linear_optimal": "linear_optimal", "PPO": arguments.model,
     }  # fmt: skip
     winds = tuple(Wind(speed, seed) for speed in (15.0, 18.0) for seed in EVALUATION_WIND_SEEDS[: arguments.winds])
     config = EvaluationConfig(
-        "wt_gym/LoadReduction-v3", {"control_dt": 0.2}, winds, duration=arguments.duration,
+        "wt_gym/LoadReduction-v3", {}, winds, duration=arguments.duration,
         skip=min(30.0, arguments.duration / 3), replay=0.0,
     )  # fmt: skip
     evaluation = evaluate(agents, config)

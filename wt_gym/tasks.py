@@ -72,7 +72,7 @@ _FIXED_FRAME = {**_RESIDUAL, "pitch": "fixed-frame", "residual_washout": 15.0, "
 # have done: from disturbances alone a law needs a long memory, from loads alone its loop may become unstable. Offsets
 # reach what linear optimal pitch does, and fade out below rated wind, where they would cost power. Weights price loads
 # as the lifetime cost does, and each action is paid its own effects (`wt_gym.envs.credit`).
-_OFFSETS = {
+_OFFSETS: dict[str, Any] = {
     **_FIXED_FRAME,
     "residual_form": "offset",
     "residual_fade": True,
@@ -86,7 +86,7 @@ _OFFSETS = {
     "sensor_washout": None,
     "control_dt": 0.2,
     "reward": {
-        "blade_fatigue": 1.5, "tower_fore_aft_fatigue": 2.0, "tower_side_side_fatigue": 0.5, "actuator_use": 0.8,
+        "blade_fatigue": 1.5, "tower_fore_aft_fatigue": 2.0, "tower_side_side_fatigue": 0.4, "actuator_use": 0.6,
     },
     "rate_reward": True,
     "reward_credit": True,

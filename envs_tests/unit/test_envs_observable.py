@@ -70,7 +70,7 @@ class Scene:
         return np.array([9.0, 10.0, 11.0])
 
     def known_disturbances(self):
-        return np.arange(6.0 * len(LINEAR.bins) + 17.0)
+        return np.arange(6.0 * len(LINEAR.bins) + 27.0)
 
     def features(self):
         terms = self.dial, PowerReferenceTerm(TURBINE, GridOptions(reference="steps")), LidarTerm(0.0, LIDAR)
@@ -125,6 +125,9 @@ def test_each_channel_is_read_from_what_it_names(observer):
     ]
     names = ("linear_pitch_mean", "linear_pitch_yaw", "linear_pitch_share", "linear_pitch_schedule")
     assert [values[name] for name in names] == [6 * n, 6 * n + 2, 6 * n + 3, 6 * n + 4]
+    names = ("model_gain_flap_mean", "model_lag_rotor_speed", "response_flap_mean", "response_rotor_speed",
+             "tower_velocity_fore_aft", "tower_velocity_side_side", "tower_displacement_side_side")  # fmt: skip
+    assert [values[name] for name in names] == [6 * n + k for k in (5, 16, 17, 22, 23, 24, 26)]
     assert [values[f"previous_{name}"] for name in ACTION.names] == np.linspace(-1.0, 1.0, ACTION.size).tolist()
     assert values["azimuth_sin"] == math.sin(now["azimuth"])
     assert values["azimuth_cos"] == math.cos(now["azimuth"])

@@ -49,6 +49,7 @@ CONTROLLERS = (
     ("constrained_ipc+tower_dampers+yaw", "nrel_5mw"),
     ("linear_optimal", "nrel_5mw"),
     ("tsr_tracking+ipc+linear_pitch:gain=0.5", "nrel_5mw"),
+    ("ipc+side_side_damper+observer", "nrel_5mw"),
     ("tsr_tracking:thrust_limit=0.9", "nrel_5mw"),
     ("tsr_tracking+ipc+yaw:dead_band=0.05", "nrel_5mw"),
     ("discon", "iea_15mw"),  # the published one: table of gains, tip-speed ratio, second-order filter
@@ -204,7 +205,7 @@ def drawn_design(path, knots, interval=DT, fade=0.05):
     design = LinearDesign(
         pitch=np.array(knots), responses=rng.normal(size=(n, 6, 3, 13)), gains=4e-3 * rng.normal(size=(n, 3, 6, 7)),
         scale=np.array([3e6, 3e6, 3e6, 0.5, 0.2, 0.3]), washout=np.array([30.0, 0.0, 0.0, 5.0, 30.0, 30.0]),
-        interval=interval, limit=0.07, rate_limit=0.05, fade=fade, fine_speed=(0.9, 1.0),
+        loads=np.zeros((n, 2, 3, 13)), interval=interval, limit=0.07, rate_limit=0.05, fade=fade, fine_speed=(0.9, 1.0),
     )  # fmt: skip
     save_design(design, path)
     return path
@@ -554,7 +555,8 @@ def test_drives_that_are_servos_settle_on_the_demand(tmp_path):
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
-        ("ipc+ipc_2p", "individual pitch is there twice"),
+        ("ipc+ipc_2p", "must be there once to be exported, got IndividualPitch, IndividualPitch"),
+        ("discon+linear_pitch+observer", "got LinearOptimalPitch, LoadObserver"),
         ("derate_pitch+lidar", "must have derate_pitch or lidar, not both"),
         ("envs_tests/unit/test_export_discon.py:Exported", "must be a trained agent or a controller of discon"),
     ],

@@ -16,6 +16,7 @@ from wt_gym.control import Demand
 from wt_gym.control.controllers import Combined, FadeParameters, make_controller
 from wt_gym.control.controllers.controller import memory_of, remember
 from wt_gym.control.controllers.linear_optimal import (
+    MOTION_CORNER,
     SHIPPED,
     LinearDesign,
     LinearOptimalPitch,
@@ -342,6 +343,7 @@ def made_design(seed=7, knots=(0.1, 0.2), **changes):
         "pitch": np.array(knots), "responses": rng.normal(size=(n, 6, 3, 12)).astype(np.float32),
         "gains": 1e-3 * rng.normal(size=(n, 3, 6, 9)).astype(np.float32),
         "scale": np.array([1e6, 1e6, 1e6, 0.1, 0.1, 0.03]), "washout": np.array([30.0, 0.0, 0.0, 30.0, 30.0, 30.0]),
+        "loads": 1e8 * rng.normal(size=(n, 2, 3, np.shape(changes.get("responses", np.zeros(12)))[-1])),
         "interval": DT, "limit": 0.07, "rate_limit": 0.05, "fade": 0.05,
         "record": {"turbine": "NREL", "speeds": [1, 2]},
     }  # fmt: skip
@@ -358,7 +360,7 @@ def test_a_design_comes_back_from_its_file(tmp_path):
     design, path = made_design(), tmp_path / "design.npz"
     save_design(design, path)
     found = load_design(path)
-    for name in ("pitch", "responses", "gains", "scale", "washout"):
+    for name in ("pitch", "responses", "gains", "scale", "washout", "loads"):
         np.testing.assert_allclose(getattr(found, name), getattr(design, name), rtol=1e-7)
     assert (found.interval, found.limit, found.rate_limit, found.fade) == (DT, 0.07, 0.05, 0.05)
     assert found.record == design.record
@@ -381,6 +383,8 @@ def test_a_design_comes_back_from_its_file(tmp_path):
         {"limit": math.nan},
         {"fine_speed": (1.0, 0.9)},
         {"washout": np.full(6, np.inf)},
+        {"loads": np.zeros((2, 2, 3, 11))},
+        {"loads": np.full((2, 2, 3, 12), np.nan)},
     ],
 )
 def test_a_design_refuses(wrong):
@@ -401,9 +405,9 @@ def test_files_that_are_no_designs(tmp_path):
     save_design(made_design(), path)
     with np.load(path) as found:
         arrays = dict(found)
-    arrays["head"] = np.array(str(arrays["head"]).replace('"format": 2', '"format": 99'))
+    arrays["head"] = np.array(str(arrays["head"]).replace('"format": 3', '"format": 99'))
     np.savez(path, **arrays)
-    with pytest.raises(ControllerError, match="format 2, got 99"):
+    with pytest.raises(ControllerError, match="format 3, got 99"):
         load_design(path)
 
 
@@ -488,9 +492,10 @@ def test_what_an_agent_sees_is_the_past_with_the_present_instant(turbine):
     past = np.stack([without_lasting(row, tau, DT) for row, tau in zip(wanted, design.washout, strict=True)])
     expected = np.stack([bin_means(row, bins) for row in past])  # of a past that stood still before
     started = design.gains.shape[-1]
+    expected[:, 1:] = expected[:, :-1] - expected[:, 1:]
     shown = seen[:, : 6 * len(bins)].reshape(-1, 6, len(bins)).transpose(1, 2, 0)
     np.testing.assert_allclose(shown[..., started:], expected[..., started:], atol=1e-6)
-    np.testing.assert_allclose(seen[:, -14:-12], [[1.0, 0.15]] * len(seen), atol=0.01)
+    np.testing.assert_allclose(seen[:, -24:-22], [[1.0, 0.15]] * len(seen), atol=0.01)
 
 
 def test_an_agent_sees_how_the_model_fits(turbine):
@@ -500,9 +505,27 @@ def test_an_agent_sees_how_the_model_fits(turbine):
     explained = respond(design.responses[0], acting)
     fit = ModelFit(6, DT)
     for k in range(found.shape[1]):
-        np.testing.assert_allclose(seen[k, -12:], fit.values, atol=1e-6)
+        np.testing.assert_allclose(seen[k, -22:-10], fit.values, atol=1e-6)
         fit.update(found[:, k], explained[:, k], int(k > 0))
     assert np.abs(fit.values).max() > 0.1
+
+
+def test_an_agent_sees_what_offsets_did_and_how_the_tower_moves(turbine):
+    """Its own response by the model, and velocity and displacement of a tower that swings for a while."""
+    controller, _, _, seen, acting = driven_with_an_agent(turbine)
+    explained = respond(controller.design.responses[0], acting)[:, : len(seen)]
+    np.testing.assert_allclose(seen[:, -10:-4], explained.T, atol=1e-6)
+    frequency, dt, outputs = 1j * controller.natural, 0.01, np.array([6e6, 0.0, 0.0, 0.0, 0.0, SPEED])
+    integrator = frequency / (frequency + MOTION_CORNER * controller.natural) ** 2
+    controller.start(signals_of(outputs, 0.0))
+    for k in range(6000):
+        swing = np.exp(frequency * k * dt) * (0.3, 0.1)
+        outputs[3:5] = swing.imag
+        controller.step(signals_of(outputs, 0.0), dt, above_rated())
+    shown = controller.known(signals_of(outputs, 0.0) | {"pitch": np.full(3, 0.2)})[-4:]
+    velocity = integrator * swing
+    np.testing.assert_allclose(shown, np.concatenate([velocity, integrator * velocity]).imag, atol=2e-3)
+    assert (np.abs(velocity) > 0.9 * np.array([0.3, 0.1]) / controller.natural).all()
 
 
 def test_offsets_are_the_filtered_past_times_the_gains(turbine):

@@ -17,6 +17,7 @@ COMMANDS = {
     "train": "train a policy: PPO, SAC or TQC",
     "search": "search hyperparameters for a training",
     "evaluate": "compare agents and controllers in held-out winds, with a report",
+    "learnability": "whether a task can be learned: bound of its actions, alignment and noise of its gradient",
     "robustness": "agents on other turbines, with worse sensors and in other winds: what is left of their gain",
     "crosscheck": "the same agents and winds in OpenFAST, changes side by side",
     "loadcases": "design load cases of IEC 61400-1: extreme and fatigue loads, faults",

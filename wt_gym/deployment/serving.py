@@ -44,11 +44,14 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 _NOT_RUN = {
-    "controller": "discon", "start": "steady", "sensor_noise": 0.0, "relative_reward": False, "episode_length": None,
+    "controller": "discon", "start": "steady", "sensor_noise": 0.0, "relative_reward": False, "reward_credit": False,
+    "episode_length": None,
 }  # fmt: skip
 """Of an environment that tells what an agent sees and does, but is not run: ROSCO is its base controller."""
 
-_OF_THE_CONTROLLER = ("disturbance_", "linear_pitch_", "model_", "dead_band_")
+_OF_THE_CONTROLLER = (
+    "disturbance_", "linear_pitch_", "model_", "response_", "tower_velocity_", "tower_displacement_", "dead_band_",
+)  # fmt: skip
 """Beginnings of the names of channels that a base controller knows and ROSCO does not."""
 
 
@@ -93,7 +96,10 @@ def answers_of(
         )
     given: dict[str, Any] = {} if turbine is None else {"turbine": turbine}
     if name.kind == "word":  # which looks at nothing
-        given |= {"observation": ["rotor_speed"], "action_components": ["pitch"], "residual_fade": False}
+        given |= {
+            "observation": ["rotor_speed"], "action_components": ["pitch"], "action_spans": None,
+            "residual_fade": False,
+        }  # fmt: skip
     env = _environment(registered_arguments(env_id or DEFAULT_ENV, given | env_choices_of(choice)))
     return ServedAgent(lambda: load_agent(choice, env.layout), env, lead)
 

@@ -590,7 +590,7 @@ class Observable:
 
     def _model_fit(self) -> list[Observed]:
         """Fit of the model of the linear optimal pitch, where readings are late, drives slow or gauges dead."""
-        if self._linear is None:
+        if self._linear is None or isinstance(self._linear, LoadObserver):
             return []
         first = len(OUTPUTS) * len(self._linear.bins) + len(FIXED_FRAME) + 2
         rows = [

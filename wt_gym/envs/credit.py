@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from scipy.signal import lfilter
 
-from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part, placed
+from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part
 from wt_gym.envs.credit_kernels import effect_to_come
 from wt_gym.envs.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.terms import Term
@@ -149,7 +149,7 @@ class Credit(Term):
         """Add what the action of the step changes in the steps to come; an early end takes back all that was paid."""
         part = cast(LinearOptimalPitch, linear_part(cast("Controller", self._operation.controller)))
         size, acted = len(self._changes), part.acted()[:, : self._times].mean(1)
-        response = sum(share * self._responses[k] for k, share in placed(part.design.pitch, part.slow_pitch))
+        response = sum(share * self._responses[k] for k, share in part.place())
         added = response @ acted
         self._changes[self._first :] += added[: size - self._first]
         self._changes[: self._first] += added[size - self._first :]

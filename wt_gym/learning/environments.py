@@ -65,7 +65,8 @@ class TurbineVecEnv(DummyVecEnv):
     def __init__(self, env_id: str, num_envs: int, **kwargs: Any):
         made = gym.make_vec(env_id, num_envs, "vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP, **kwargs)
         self.turbines = cast(WindTurbineVectorEnv, made)
-        self.envs = (list(self.turbines.envs) * num_envs)[:num_envs]  # of linear models, the one that they model
+        one_each = self.turbines.envs if len(self.turbines.envs) == num_envs else num_envs * self.turbines.envs
+        self.envs = list(one_each)  # linear models have one environment for all
         VecEnv.__init__(self, num_envs, made.single_observation_space, made.single_action_space)
 
     def reset(self) -> np.ndarray:

@@ -171,7 +171,8 @@ def record_run(
         seen.append(observation)
         samples.append(_sample(env))
         acted.append(cast(LinearOptimalPitch, linear_part(env.controller)).acted()[:, :times].mean(1))
-    return _Run(np.array(seen), *(np.array(part) for part in zip(*samples, strict=True)), np.array(acted))
+    raw, azimuth, pitch, share = (np.array(part) for part in zip(*samples, strict=True))
+    return _Run(np.array(seen), raw, azimuth, pitch, share, np.array(acted))
 
 
 def record_runs(
@@ -198,7 +199,7 @@ def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions 
     given.pop("env_id", None)
     env = WindTurbineEnv(**given)
     check_environment(env)
-    low, high = cast("tuple[float, float]", env.wind.speeds)
+    low, high = env.wind.speeds
     spans, dt = env.operation.action.pitch_high, env.control_dt
     part = cast(LinearOptimalPitch, linear_part(env.controller))
     knots = np.linspace(low, high, options.speeds) if high > low else np.array([low])
@@ -294,7 +295,7 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         self.num_envs = num_envs
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._observations = np.zeros((num_envs, *self.single_observation_space.shape), np.float32)
+        self._observations = np.zeros((num_envs, len(self.observation_names)), np.float32)
         self.model = cached_model(env_id, kwargs) if model is None else model
         self._prepare()
 
@@ -405,30 +406,26 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         if over.any() and self.autoreset_mode != AutoresetMode.NEXT_STEP:
             raise ResetNeeded(f"the episodes of models {np.flatnonzero(over).tolist()} are over")
         values = np.stack([self.layout.action.validate(action) for action in actions])
+        for k in range(self.num_envs):
+            if over[k]:  # this step is its reset
+                self._draw(k)
         model = self.model
-        for k in np.flatnonzero(over):  # this step is their reset
-            self._draw(int(k))
-            self._time[k] -= 1  # and the step that all take is undone below
-        saved = [(int(k), self._offset[k].copy()) for k in np.flatnonzero(over)]
         advance_all(
-            values, self._spans, self._reach, model.share, self._run, self._time, self._offset, self._acted,
+            ~over, values, self._spans, self._reach, model.share, self._run, self._time, self._offset, self._acted,
             self._changes, self._first, self._loads, self._responses, model.azimuth, model.pitch, self._lead,
             self._weights, self._use, self._power, self._credited_steps, self._credited, self._effects, self._rewards,
             self._now, self._scratch, self._image,
         )  # fmt: skip
-        for k, offset in saved:
-            for array in (self._acted, self._changes, self._effects, self._credited):
-                array[k] = 0.0
-            self._offset[k] = offset
         ended = (self._time >= self._end) & ~over
-        rewards = np.where(over, 0.0, self._unit * self._rewards)
+        rewards = self._unit * self._rewards
         self._over[:] = ended
         seen = self._observe()
         final = {}
         if ended.any() and self.autoreset_mode == AutoresetMode.SAME_STEP:
-            for k in np.flatnonzero(ended).tolist():
-                final[k] = seen[k].copy(), self._info(k)
-                self._draw(k)
+            for k in range(self.num_envs):
+                if ended[k]:
+                    final[k] = seen[k].copy(), self._info(k)
+                    self._draw(k)
             seen = self._observe()
         return [
             Outcome(seen[k], float(rewards[k]), False, bool(ended[k]), self._info(k), final.get(k))
@@ -436,6 +433,32 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         ]
 
     # ---- forecast ----
+
+    def gradient_rates(self) -> NDArray[np.float64]:
+        """Gradient at zero actions of the fatigue rewards of the next steps by each action.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n_runs, n, n_lags, 3)
+            Entry (r, t, l, j): of the reward l steps after that of action t of run r, by offset j over its span.
+        """
+        loads, weights, spans = self._loads, self._weights, self._spans
+        turning = 0.5 * (loads[..., 1] ** 2 + loads[..., 2] ** 2)
+        blade = (1.0 - weights[1]) * loads[..., 0] ** 2 + turning
+        slopes = np.empty_like(loads)  # of the rate by each load
+        slopes[..., :3] = -weights[0] * loads[..., :3] / (1.0 + blade[..., None]) ** 2
+        slopes[..., 0] *= 2.0 * (1.0 - weights[1])
+        slopes[..., 3:] = -2.0 * weights[2:] * loads[..., 3:] / (1.0 + loads[..., 3:] ** 2) ** 2
+        lags = self._responses.shape[1]
+        steps = loads.shape[1] - lags - 1
+        out = np.zeros((len(loads), steps, lags, 3))
+        for lag in range(lags):
+            ahead = slopes[:, lag + 1 : lag + 1 + steps]
+            out[:, :, lag] = np.einsum("rto,roj->rtj", ahead, self._responses[:, lag, : len(LOADS)]) * spans
+        if self._credited_steps:  # all of it in the step of the action
+            out[:, :, 0] = out.sum(2)
+            out[:, :, 1:] = 0.0
+        return self._unit * out
 
     @property
     def effects(self) -> NDArray[np.float64]:

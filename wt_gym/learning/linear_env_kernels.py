@@ -7,39 +7,17 @@ from wt_gym.envs.credit_kernels import effect_to_come, fatigue_rate
 
 
 @kernel(fastmath=False)
-def advance(
-    k,
-    action,
-    spans,
-    reach,
-    share,
-    run,
-    time,
-    offset,
-    acted,
-    changes,
-    first,
-    loads,
-    responses,
-    azimuth,
-    pitch,
-    lead,
-    weights,
-    use,
-    power,
-    lasting,
-    credited,
-    effects,
-    rewards,
-    now,
-    scratch,
-    image,
-):
-    """Advance turbine k by one control step: its offsets, what they change, and its reward beside zero actions.
+def advance_all(
+    running, actions, spans, reach, share, run, time, offset, acted, changes, first, loads, responses, azimuth, pitch,
+    lead, weights, use, power, lasting, credited, effects, rewards, now, scratch, image,
+):  # fmt: skip
+    """Advance by one control step: offsets, what they change, and rewards beside zero actions.
 
     Parameters
     ----------
-    action : (3,)
+    running : bool (n_envs,)
+        Who advances; the others earn nothing.
+    actions : (n_envs, 3)
         Within [-1, 1].
     spans : (3,)
         Offsets at 1 [rad]; ``reach`` is the most that they move in a step [rad].
@@ -67,58 +45,62 @@ def advance(
         Changes of the outputs at the end of the step.
     now, scratch, image : (n_out,), (5,), (n_lags, 5)
     """
-    row, instant = run[k], time[k]
-    size, n_out = changes.shape[1], changes.shape[2]
-    part = share[row, instant]
-    square = 0.0
-    for j in range(3):
-        wanted = min(max(action[j], -1.0), 1.0) * spans[j]
-        move = min(max(wanted - offset[k, j], -reach), reach)
-        now[j] = part * (offset[k, j] + lead * move)
-        offset[k, j] += move
-        square += now[j] * now[j]
-    place = first[k]
-    for lag in range(size):
-        at = (place + lag) % size
-        for c in range(n_out):
-            changes[k, at, c] += (
-                responses[row, lag, c, 0] * now[0]
-                + responses[row, lag, c, 1] * now[1]
-                + responses[row, lag, c, 2] * now[2]
-            )
-    time[k] = instant + 1
-    for c in range(n_out):
-        effects[k, c] = changes[k, place, c]
-        changes[k, place, c] = 0.0
-    first[k] = (place + 1) % size
-    for j in range(5):
-        scratch[j] = loads[row, instant + 1, j] + effects[k, j]
-    reward = fatigue_rate(scratch, weights) - fatigue_rate(loads[row, instant + 1], weights)
-    n_blades, travel = pitch.shape[2], 0.0
-    for b in range(n_blades):
-        before = azimuth[row, instant] + 2.0 * math.pi * b / n_blades
-        after = azimuth[row, instant + 1] + 2.0 * math.pi * b / n_blades
-        own = pitch[row, instant + 1, b] - pitch[row, instant, b]
-        added = now[0] + now[1] * math.cos(after) + now[2] * math.sin(after)
-        added -= acted[k, 0] + acted[k, 1] * math.cos(before) + acted[k, 2] * math.sin(before)
-        travel += (abs(own + added) - abs(own)) / n_blades
-    for j in range(3):
-        acted[k, j] = now[j]
-    reward -= use * travel + power * square
-    if lasting > 0:
+    for k in range(actions.shape[0]):
+        rewards[k] = 0.0
+        if not running[k]:
+            continue
+        row, instant = run[k], time[k]
+        size, n_out = changes.shape[1], changes.shape[2]
+        part = share[row, instant]
+        square = 0.0
+        for j in range(3):
+            wanted = min(max(actions[k, j], -1.0), 1.0) * spans[j]
+            move = min(max(wanted - offset[k, j], -reach), reach)
+            now[j] = part * (offset[k, j] + lead * move)
+            offset[k, j] += move
+            square += now[j] * now[j]
+        place = first[k]
         for lag in range(size):
-            for j in range(5):
-                image[lag, j] = changes[k, (first[k] + lag) % size, j]
-        ahead = loads[row, instant + 2 : min(instant + 2 + lasting, loads.shape[1])]
-        effect = effect_to_come(ahead, image, 0, weights, scratch)
-        reward += effect - credited[k]
-        credited[k] = effect
-    rewards[k] = reward
+            at = (place + lag) % size
+            for c in range(n_out):
+                changes[k, at, c] += (
+                    responses[row, lag, c, 0] * now[0]
+                    + responses[row, lag, c, 1] * now[1]
+                    + responses[row, lag, c, 2] * now[2]
+                )
+        time[k] = instant + 1
+        for c in range(n_out):
+            effects[k, c] = changes[k, place, c]
+            changes[k, place, c] = 0.0
+        first[k] = (place + 1) % size
+        for j in range(5):
+            scratch[j] = loads[row, instant + 1, j] + effects[k, j]
+        reward = fatigue_rate(scratch, weights) - fatigue_rate(loads[row, instant + 1], weights)
+        n_blades, travel = pitch.shape[2], 0.0
+        for b in range(n_blades):
+            before = azimuth[row, instant] + 2.0 * math.pi * b / n_blades
+            after = azimuth[row, instant + 1] + 2.0 * math.pi * b / n_blades
+            own = pitch[row, instant + 1, b] - pitch[row, instant, b]
+            added = now[0] + now[1] * math.cos(after) + now[2] * math.sin(after)
+            added -= acted[k, 0] + acted[k, 1] * math.cos(before) + acted[k, 2] * math.sin(before)
+            travel += (abs(own + added) - abs(own)) / n_blades
+        for j in range(3):
+            acted[k, j] = now[j]
+        reward -= use * travel + power * square
+        if lasting > 0:
+            for lag in range(size):
+                for j in range(5):
+                    image[lag, j] = changes[k, (first[k] + lag) % size, j]
+            ahead = loads[row, instant + 2 : min(instant + 2 + lasting, loads.shape[1])]
+            effect = effect_to_come(ahead, image, 0, weights, scratch)
+            reward += effect - credited[k]
+            credited[k] = effect
+        rewards[k] = reward
 
 
 @kernel(fastmath=False)
-def observe(k, run, time, offset, spans, effects, observations, added, places, offset_places, low, high, out):
-    """Observation (n_obs,) of turbine k, as recorded, with the effects of its own offsets.
+def observe_all(run, time, offset, spans, effects, observations, added, places, offset_places, low, high, out):
+    """Observations (n_envs, n_obs), as recorded, with the effects of the own offsets.
 
     Parameters
     ----------
@@ -131,78 +113,12 @@ def observe(k, run, time, offset, spans, effects, observations, added, places, o
     low, high : (n_obs,)
         Ranges.
     """
-    recorded = observations[run[k], time[k]]
-    for c in range(recorded.shape[0]):
-        out[k, c] = recorded[c]
-    for c in range(places.shape[0]):
-        value = recorded[places[c]] + effects[k, added + c]
-        out[k, places[c]] = min(max(value, low[places[c]]), high[places[c]])
-    for j in range(offset_places.shape[0]):
-        out[k, offset_places[j]] = offset[k, j] / (0.5 * spans[j])
-
-
-@kernel(fastmath=False)
-def advance_all(
-    actions,
-    spans,
-    reach,
-    share,
-    run,
-    time,
-    offset,
-    acted,
-    changes,
-    first,
-    loads,
-    responses,
-    azimuth,
-    pitch,
-    lead,
-    weights,
-    use,
-    power,
-    lasting,
-    credited,
-    effects,
-    rewards,
-    now,
-    scratch,
-    image,
-):
-    """Advance all turbines, with actions (n_envs, 3)."""
-    for k in range(actions.shape[0]):
-        advance(
-            k,
-            actions[k],
-            spans,
-            reach,
-            share,
-            run,
-            time,
-            offset,
-            acted,
-            changes,
-            first,
-            loads,
-            responses,
-            azimuth,
-            pitch,
-            lead,
-            weights,
-            use,
-            power,
-            lasting,
-            credited,
-            effects,
-            rewards,
-            now,
-            scratch,
-            image,
-        )
-
-
-@kernel(fastmath=False)
-def observe_all(run, time, offset, spans, effects, observations, added, places, offset_places, low, high, out):
-    """Observations (n_envs, n_obs) of all turbines."""
     for k in range(out.shape[0]):
-        observe(k, run, time, offset, spans, effects, observations, added, places, offset_places, low, high, out)
+        recorded = observations[run[k], time[k]]
+        for c in range(recorded.shape[0]):
+            out[k, c] = recorded[c]
+        for c in range(places.shape[0]):
+            value = recorded[places[c]] + effects[k, added + c]
+            out[k, places[c]] = min(max(value, low[places[c]]), high[places[c]])
+        for j in range(offset_places.shape[0]):
+            out[k, offset_places[j]] = offset[k, j] / (0.5 * spans[j])

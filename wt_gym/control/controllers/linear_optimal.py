@@ -24,6 +24,7 @@ intervals shows zeros.
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import json
 import math
@@ -63,7 +64,12 @@ _SINGLE = ("azimuth", "nacelle_acceleration_fore_aft", "nacelle_acceleration_sid
 
 def channels_read(n_blades: int) -> tuple[str, ...]:
     """Names of the signals from which `OUTPUTS` follow."""
-    return (*_SINGLE, *(f"root_flap_moment_{b + 1}" for b in range(n_blades)))
+    return (*_SINGLE, *_moments(n_blades))
+
+
+@lru_cache
+def _moments(n_blades: int) -> tuple[str, ...]:
+    return tuple(f"root_flap_moment_{b + 1}" for b in range(n_blades))
 
 
 def side_sign(turbine: Turbine) -> float:
@@ -73,13 +79,12 @@ def side_sign(turbine: Turbine) -> float:
 
 def measured_outputs(signals: Readings, n_blades: int, sign: float, out: NDArray[np.float64]) -> None:
     """Put `OUTPUTS` of one instant into an array (6,); the sign is that of `side_sign`."""
-    moments = [signals[f"root_flap_moment_{b + 1}"] for b in range(n_blades)]
-    tilt, yaw = to_harmonic(moments, signals["azimuth"])
-    out[0] = sum(moments) / n_blades
-    out[1], out[2] = tilt, yaw
-    out[3] = signals["nacelle_acceleration_fore_aft"]
-    out[4] = sign * signals["nacelle_acceleration_side_side"]
-    out[5] = signals["rotor_speed"]
+    moments = [signals[name] for name in _moments(n_blades)]
+    aside = sign * signals["nacelle_acceleration_side_side"]
+    out[:] = (
+        sum(moments) / n_blades, *to_harmonic(moments, signals["azimuth"]), signals["nacelle_acceleration_fore_aft"],
+        aside, signals["rotor_speed"],
+    )  # fmt: skip
 
 
 def recorded_outputs(channels: Mapping[str, NDArray[np.float64]], n_blades: int, sign: float) -> NDArray[np.float64]:
@@ -422,7 +427,7 @@ class LinearOptions(Options):
     gain: float = option("factor on all offsets", default=1.0, unit="-", low=0.0, high=2.0)
 
 
-SHIPPED = ("iea_15mw", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile")
+SHIPPED = ("gebhardt_45m", "iea_15mw", "iea_15mw_monopile", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile")
 """Turbines with a design in ``data``."""
 
 SCHEDULE_TIME = 10.0
@@ -457,6 +462,7 @@ class LinearOptimalPitch:
         self.design, self.gain = design, gain
         self.offsets = PitchOffsets(turbine, design.limit, design.rate_limit, design.fading)
         self.channels = channels_read(turbine.n_blades)
+        self._knots = design.pitch.tolist()
         self.sign, self.n_blades = side_sign(turbine), turbine.n_blades
         with np.errstate(divide="ignore"):
             self._kept = np.where(design.washout > 0.0, np.exp(-design.interval / design.washout), 0.0)
@@ -549,16 +555,22 @@ class LinearOptimalPitch:
         acted[:, :passed] = (self._sum / self._acted_for)[:, None]
         return acted
 
-    @property
-    def slow_pitch(self) -> float:
-        """Pitch that chooses between designs [rad]."""
-        return self._schedule.value
+    def place(self) -> list[tuple[int, float]]:
+        """Designs that hold at present, by their number, with their shares."""
+        return placed(self._knots, self._schedule.value)
 
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
         """Add the offsets, which are decided at the interval of the design, or at every step where that is longer."""
         speed, azimuth = signals["rotor_speed"], signals["azimuth"]
         share = self.offsets.update_share(demand, speed, dt)
-        pitch = sum(map(float, demand.pitch)) / self.n_blades + self.offsets.acting[0]
+        self._follow(signals, sum(map(float, demand.pitch)) / self.n_blades + self.offsets.acting[0], dt)
+        mean, tilt, yaw = self._wanted
+        changed = self.offsets.added((share * mean, share * tilt, share * yaw), demand, azimuth, speed, dt)
+        self._sum += dt * np.array(self.offsets.acting)
+        return changed
+
+    def _follow(self, signals: Readings, pitch: float, dt: float) -> None:
+        """Take what is measured in a step [s], with the mean pitch that chooses between designs [rad]."""
         if self._fresh:
             self._schedule.reset(pitch)
         slow = self._schedule.update(pitch, dt)
@@ -574,18 +586,15 @@ class LinearOptimalPitch:
                 self._sum[:] = 0.0
                 self._acted_for = 0.0
             found, measured = self._found(signals, self._acted, slow)
-            self.fit.update(found, measured - found, passed)
             self._past, self._lasting = self._moved(found, passed)
             self.disturbance[:] = found * self.design.scale
-            self._wanted = tuple(self._answer(self._past, slow).tolist())
+            if self.gain > 0.0:  # an observer asks for nothing, and who it observes for sees no fit
+                self.fit.update(found, measured - found, passed)
+                self._wanted = tuple(self._answer(self._past, slow).tolist())
             self._age -= passed
             self._fresh = False
-        mean, tilt, yaw = self._wanted
-        changed = self.offsets.added((share * mean, share * tilt, share * yaw), demand, azimuth, speed, dt)
         self._age += dt / self.design.interval
         self._acted_for += dt
-        self._sum += dt * np.array(self.offsets.acting)
-        return changed
 
     def _found(
         self, signals: Readings, acted: NDArray[np.float64], pitch: float
@@ -595,7 +604,7 @@ class LinearOptimalPitch:
         measured_outputs(signals, self.n_blades, self.sign, found)
         found /= design.scale
         measured = found.copy()
-        for k, share in placed(design.pitch, pitch):
+        for k, share in placed(self._knots, pitch):
             found -= share * (design.responses[k].reshape(len(OUTPUTS), -1) @ acted.reshape(-1))
         return found, measured
 
@@ -615,7 +624,9 @@ class LinearOptimalPitch:
     def _answer(self, past: NDArray[np.float64], pitch: float) -> NDArray[np.float64]:
         """Offsets (3,) that the past of the disturbances asks for at a slow pitch [rad]."""
         wanted = np.zeros(3)
-        for k, share in placed(self.design.pitch, pitch):
+        if self.gain == 0.0:
+            return wanted
+        for k, share in placed(self._knots, pitch):
             wanted += share * self.gain * (self.design.gains[k].reshape(3, -1) @ past.reshape(-1))
         return wanted
 
@@ -641,6 +652,12 @@ class LoadObserver(LinearOptimalPitch):
         o = ObserverOptions(**parameters)
         return cls(turbine, load_design(_shipped(turbine) if o.file is None else o.file), 0.0)
 
+    def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
+        """Take what is measured; the demand stays."""
+        self.offsets.update_share(demand, signals["rotor_speed"], dt)
+        self._follow(signals, sum(map(float, demand.pitch)) / self.n_blades, dt)
+        return demand
+
 
 def _shift(rows: NDArray[np.float64], steps: int) -> None:
     """Move what stands in rows to the right; the first columns stay."""
@@ -648,12 +665,12 @@ def _shift(rows: NDArray[np.float64], steps: int) -> None:
         rows[:, steps:] = rows[:, :-steps].copy()
 
 
-def placed(knots: NDArray[np.float64], value: float) -> list[tuple[int, float]]:
+def placed(knots: Sequence[float], value: float) -> list[tuple[int, float]]:
     """Knots on both sides of a value with their shares, as far as these are above zero; beyond the ends one alone."""
     if value <= knots[0] or len(knots) == 1:
         return [(0, 1.0)]
-    k = min(int(np.searchsorted(knots, value)) - 1, len(knots) - 2)
-    weight = min(float((value - knots[k]) / (knots[k + 1] - knots[k])), 1.0)
+    k = min(bisect.bisect_left(knots, value) - 1, len(knots) - 2)
+    weight = min((value - knots[k]) / (knots[k + 1] - knots[k]), 1.0)
     return [(index, share) for index, share in ((k, 1.0 - weight), (k + 1, weight)) if share > 0.0]
 
 

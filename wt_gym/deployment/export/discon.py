@@ -161,6 +161,7 @@ def _linear(linear: LinearPitch) -> list[str]:
         f"static const double LINEAR_INTERVAL = {_number(design.interval)}, LINEAR_SIDE = {_number(linear.sign)};",
         "#if WITH_AGENT",
         f"static const int SEEN_BINS[] = {{0{''.join(f', {last}' for _, last in linear.bins)}}};",
+        _array("double", "LINEAR_CORNER", linear.corners),
         "#endif",
         _array("double", "LINEAR_PITCH", design.pitch),
         _array("double", "LINEAR_SCALE", design.scale),

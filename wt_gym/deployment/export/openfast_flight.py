@@ -30,6 +30,7 @@ from wt_gym.bridges.openfast import (
 from wt_gym.control import Lidar
 from wt_gym.control.bladed import BladedController
 from wt_gym.control.controllers import parse_name
+from wt_gym.control.controllers.names import BASELINE
 from wt_gym.control.controllers.power_tracking import LEAST_SHARE
 from wt_gym.control.operating_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
@@ -53,6 +54,12 @@ if TYPE_CHECKING:
     from wt_gym.simulation.contract import TurbineSimulator
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
+
+_NO_AGENT = {
+    "controller": BASELINE, "observation": ["rotor"], "action_spans": None, "residual_fade": False,
+    "residual_washout": None,
+}  # fmt: skip
+"""Of an environment in which a controller acts alone, of any turbine."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +93,8 @@ def scene_of(
         For arguments that the environment does not take, and a turbine besides a trained agent.
     """
     name = parse_name(choice)
-    steady = {"relative_reward": False, "start": "steady", "episode_length": None, "simulator": "wt_gym"}
-    steady |= {"sensors": "agent", "sensor_noise": 0.0, "sensor_delay": 0.0}  # as the model is
+    steady = {"relative_reward": False, "reward_credit": False, "start": "steady", "episode_length": None}
+    steady |= {"simulator": "wt_gym", "sensors": "agent", "sensor_noise": 0.0, "sensor_delay": 0.0}  # as the model is
     if name.kind == "trained":
         if turbine is not None:
             raise ValueError("the turbine is that of the agent's training; it must be left out")
@@ -97,7 +104,7 @@ def scene_of(
         arguments = flat_arguments(known) | flat_arguments(env_kwargs or {}) | steady
         env = WindTurbineEnv(**arguments)
     else:
-        chosen = {} if turbine is None else {"turbine": turbine}
+        chosen = _NO_AGENT | ({} if turbine is None else {"turbine": turbine})
         arguments = chosen | (env_kwargs or {}) | steady
         made = gym.make(DEFAULT_ENV, **arguments)
         env = turbine_env_of(made)
@@ -290,7 +297,7 @@ def fly(
     agent = load_model(name) if own else None
     lidar = None if exported["lidar"] is None else Lidar(**exported["lidar"])
     library_alone = BladedController(scene.turbine, *exported["files"][1:3], lidar=lidar or False)
-    alone = {"controller": library_alone, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
+    alone = _NO_AGENT | {"controller": library_alone}
 
     feather = min(scene.turbine.pitch.max_pitch, 0.5 * math.pi)
     parked = {"rotor_speed": 0.0, "pitch": feather, "generator_torque": 0.0} if exported["parked"] else {}

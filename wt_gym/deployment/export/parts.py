@@ -24,7 +24,13 @@ from wt_gym.control.controllers import (
     YawByDeadBand,
 )
 from wt_gym.control.controllers.controller import parts_of
-from wt_gym.control.controllers.linear_optimal import OUTPUTS, SCHEDULE_TIME, LinearOptimalPitch
+from wt_gym.control.controllers.linear_optimal import (
+    MOTION_CORNER,
+    OUTPUTS,
+    SCHEDULE_TIME,
+    LinearOptimalPitch,
+    LoadObserver,
+)
 from wt_gym.control.controllers.power_tracking import WAYS, PowerTracking
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
 from wt_gym.control.design import rotor_inertia
@@ -33,6 +39,8 @@ from wt_gym.envs.power import available_power
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from wt_gym.control import Lidar
     from wt_gym.control.controllers import AboveRated, Controller
     from wt_gym.control.controllers.discon import BaselineParameters, PitchLaw
@@ -46,7 +54,7 @@ if TYPE_CHECKING:
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
              "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
              "side_side_damper", "tower_dampers", "tuned", "tuned_lidar", "yaw",
-             "linear_pitch", "linear_optimal", "fault_supervisor", "supervisor")  # fmt: skip
+             "linear_pitch", "linear_optimal", "observer", "fault_supervisor", "supervisor")  # fmt: skip
 """Names of controllers that can be exported."""
 ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
 """Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
@@ -262,6 +270,7 @@ class LinearPitch:
     design: LinearDesign
     sign: float  #: of accelerations to the side
     bins: tuple[tuple[int, int], ...]  #: of delays, over which an agent sees means of the disturbances
+    corners: NDArray[np.float64]  #: of the integrators that make the motion of the tower top [rad/s], shape (2,)
 
 
 @dataclass
@@ -387,7 +396,8 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
     if type(controller) is FaultSupervisor:
         _guard(parts, controller)
     if len(set(parts.additions)) < len(parts.additions):
-        raise ValueError("each kind of addition must be there once to be exported, individual pitch is there twice")
+        kinds = ", ".join(type(addition).__name__ for addition in additions)
+        raise ValueError(f"each kind of addition must be there once to be exported, got {kinds}")
     return parts
 
 
@@ -495,7 +505,7 @@ def _linear_pitch(parts: Parts, addition: LinearOptimalPitch, step: float) -> No
     parts.groups |= {"linear", "acceleration"}
     design, offsets = addition.design, addition.offsets
     n_designs, n_outputs, _, n_taps = design.responses.shape
-    parts.linear = LinearPitch(design, addition.sign, addition.bins)
+    parts.linear = LinearPitch(design, addition.sign, addition.bins, MOTION_CORNER * addition.natural)
     parts.constants |= {"N_DESIGNS": n_designs, "N_OUTPUTS": n_outputs, "N_TAPS": n_taps}
     parts.constants |= {"N_DELAYS": design.gains.shape[-1], "INDIVIDUAL_BLADES": 1}
     parts.values |= {
@@ -557,6 +567,7 @@ _BASES: dict[type[Any], Callable[[Parts, Any], None]] = {
 _ADDITIONS: dict[type[Any], tuple[str, Callable[[Parts, Any, float], None]]] = {
     IndividualPitch: ("INDIVIDUAL_PITCH", _individual_pitch),
     LinearOptimalPitch: ("LINEAR_PITCH_ADDED", _linear_pitch),
+    LoadObserver: ("LINEAR_PITCH_ADDED", _linear_pitch),
     ForeAftDamper: ("FORE_AFT_DAMPER", _fore_aft),
     SideSideDamper: ("SIDE_SIDE_DAMPER", _side_side),
     YawByDeadBand: ("YAW", _yaw),
@@ -566,6 +577,7 @@ _ADDITIONS: dict[type[Any], tuple[str, Callable[[Parts, Any, float], None]]] = {
 
 _PARTS = {"mean": 0, "tilt": 1, "yaw": 2}
 _LINEAR = _PARTS | {"share": 3, "schedule": 4}
+_MOTION = [f"{what}_{axis}" for what in ("velocity", "displacement") for axis in ("fore_aft", "side_side")]
 _PLAIN = {
     "rotor_speed": ("ROTOR_SPEED", {"rotor_speed"}),
     "generator_speed": ("GENERATOR_SPEED", {"generator_speed"}),
@@ -622,6 +634,9 @@ _PATTERNS: dict[str, Callable[[re.Match[str]], tuple[str, int, set[str]]]] = {
     rf"linear_pitch_({'|'.join(_LINEAR)})": lambda m: ("LINEAR_PITCH", _LINEAR[m[1]], LINEAR_READS),
     rf"model_(gain|lag)_({_OUTPUT})":
         lambda m: ("MODEL_FIT", OUTPUTS.index(m[2]) + (len(OUTPUTS) if m[1] == "lag" else 0), LINEAR_READS),
+    rf"response_({_OUTPUT})": lambda m: ("OWN_RESPONSE", OUTPUTS.index(m[1]), LINEAR_READS),
+    rf"tower_({'|'.join(_MOTION)})":
+        lambda m: ("OWN_RESPONSE", len(OUTPUTS) + _MOTION.index(m[1]), LINEAR_READS),
     r"lidar_(\d+)": lambda m: ("LIDAR", int(m[1]) - 1, _LIDAR),
     rf"dial_({_DIAL})": lambda m: ("DIAL", DIAL_NAMES.index(m[1]), set()),
     rf"state_({_STATE})": lambda m: ("SUPERVISOR_STATE", STATES.index(m[1]), set()),
@@ -631,8 +646,8 @@ _PATTERNS: dict[str, Callable[[re.Match[str]], tuple[str, int, set[str]]]] = {
 """Channels with a number or a name in theirs: kind, index and readings."""
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "MODEL_FIT", "LIDAR", "LIDAR_BEAM", "DIAL",
-    "SUPERVISOR_STATE", "HELD",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "MODEL_FIT", "OWN_RESPONSE", "LIDAR", "LIDAR_BEAM",
+    "DIAL", "SUPERVISOR_STATE", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
 

@@ -45,7 +45,8 @@ _KEPT = ("agent", "turbine", "control_step_s", "reading_delay_steps", "action_mo
 def training_environment(agent: TrainedAgent, env_kwargs: dict[str, Any]) -> WindTurbineEnv:
     """Environment that an agent was trained in, without a limit of time or a twin."""
     arguments = training_arguments(agent.record, env_kwargs)
-    return WindTurbineEnv(**(arguments | {"relative_reward": False, "episode_length": None}))
+    alone = {"relative_reward": False, "reward_credit": False, "episode_length": None}
+    return WindTurbineEnv(**(arguments | alone))
 
 
 def export_onnx(choice: str, folder: str | Path) -> dict[str, Any]:

@@ -28,6 +28,8 @@ struct linear {
     double acted[3][N_TAPS], past[N_OUTPUTS][N_DELAYS], lasting[N_OUTPUTS];
 #if WITH_AGENT
     double fit_count, fit_past[2][2][N_OUTPUTS], fit_sum[4][N_OUTPUTS], fit[2 * N_OUTPUTS]; /* gains, lags [s] */
+    struct integrator velocity[2], position[2]; /* of the tower top, fore-aft and to the side */
+    double motion[4];                           /* its velocities [m/s] and displacements [m] */
 #endif
 };
 #endif
@@ -121,7 +123,7 @@ struct state {
     double pitch_now[N_BLADES], pitch_before[N_BLADES], lasting_load[N_CHANNELS];
     double history[N_HISTORY][N_CHANNELS];
 #if WITH_LINEAR
-    double known[N_OUTPUTS * N_SEEN_BINS + 5 + 2 * N_OUTPUTS]; /* of the disturbances, and of the fit of the model */
+    double known[N_OUTPUTS * N_SEEN_BINS + 5 + 3 * N_OUTPUTS + 4]; /* by `linear_known` */
 #endif
     long n_history;
     int has_rate;
@@ -974,10 +976,16 @@ static int design_below(double pitch, double *share) {
     return k;
 }
 
-static void linear_start(struct linear *l) {
+static void linear_start(struct linear *l, const struct readings *r) {
     memset(l, 0, sizeof *l);
     l->fresh = 1;
     l->share = 1.0;
+#if WITH_AGENT
+    integrator_reset(&l->velocity[0], r->acceleration_fore_aft, LINEAR_CORNER[0]);
+    integrator_reset(&l->velocity[1], LINEAR_SIDE * r->acceleration_side_side, LINEAR_CORNER[1]);
+#else
+    (void)r;
+#endif
 }
 
 /* The mean of the offsets since the last decision, for each of the intervals that passed. */
@@ -1029,6 +1037,15 @@ static void linear_fit(struct linear *l, const double *found, const double *meas
     }
     l->fit_count += 1.0;
 }
+
+/* Motion of the tower top without its slow part, from the accelerations of the nacelle. */
+static void linear_move(struct linear *l, const struct readings *r, double dt) {
+    const double acceleration[2] = {r->acceleration_fore_aft, LINEAR_SIDE * r->acceleration_side_side};
+    for (int k = 0; k < 2; k++) {
+        l->motion[k] = integrator_update(&l->velocity[k], acceleration[k], dt, LINEAR_CORNER[k]);
+        l->motion[2 + k] = integrator_update(&l->position[k], l->motion[k], dt, LINEAR_CORNER[k]);
+    }
+}
 #endif
 
 /* Take the disturbances of now into the past, without what lasts. */
@@ -1073,6 +1090,9 @@ static void linear_pitch(const struct parameters *p, struct state *s, struct dem
     }
     if (s->bad_users & FOR_LINEAR) l->share = 0.0;
     l->slow = low_pass(l->fresh ? slow : l->slow, slow, dt, p->linear_schedule_time);
+#if WITH_AGENT
+    linear_move(l, &s->now, dt);
+#endif
     if (l->fresh || passed > 0) {
         linear_remember(l, passed);
         linear_find(&s->now, l, found, measured);
@@ -1113,29 +1133,33 @@ static void linear_sees(const struct parameters *p, struct state *s, const doubl
 #endif
 
 #if WITH_AGENT
-/* What is known of the disturbances at an instant, before it acts: means over bins of delays, output by output, mean, tilt
- * and yaw that they ask for, share, slow pitch, fit of the model. */
+/* What is known of the disturbances at an instant, before it acts: output by output the mean over the first of the bins of
+ * delays, then the change from each bin to the one before it; mean, tilt and yaw that they ask for, share, slow pitch, fit
+ * of the model, response to the offsets, motion of the tower top. */
 static void linear_known(const struct parameters *p, const struct state *s, const struct readings *r, double *known) {
     struct linear l = s->linear;
     double found[N_OUTPUTS], measured[N_OUTPUTS];
     int passed = (int)(l.age + 1e-6);
     if (l.fresh) l.slow = mean_of(r->pitch);
-    if (l.fresh || passed > 0) {
-        linear_remember(&l, passed);
-        linear_find(r, &l, found, measured);
-        linear_take(&l, found, passed);
-    }
+    linear_remember(&l, passed);
+    linear_find(r, &l, found, measured);
+    if (l.fresh || passed > 0) linear_take(&l, found, passed);
     for (int i = 0; i < N_OUTPUTS; i++) {
+        double before = 0.0;
         for (int k = 0; k < N_SEEN_BINS; k++) {
-            double sum = 0.0;
+            double sum = 0.0, mean;
             for (int delay = SEEN_BINS[k]; delay < SEEN_BINS[k + 1]; delay++) sum += l.past[i][delay];
-            *known++ = sum / (SEEN_BINS[k + 1] - SEEN_BINS[k]);
+            mean = sum / (SEEN_BINS[k + 1] - SEEN_BINS[k]);
+            *known++ = k == 0 ? mean : before - mean;
+            before = mean;
         }
     }
     linear_answer(p, &l, known);
     known[3] = l.share;
     known[4] = l.slow;
     memcpy(known + 5, l.fit, sizeof l.fit);
+    for (int i = 0; i < N_OUTPUTS; i++) known[5 + 2 * N_OUTPUTS + i] = measured[i] - found[i];
+    memcpy(known + 5 + 3 * N_OUTPUTS, l.motion, sizeof l.motion);
 }
 #endif
 #endif
@@ -1283,7 +1307,7 @@ static void additions_start(const struct parameters *p, struct state *s) {
     memset(s->harmonics, 0, sizeof s->harmonics);
     s->fresh_ipc = s->fresh_fore_aft = 1;
 #if WITH_LINEAR
-    linear_start(&s->linear);
+    linear_start(&s->linear, &s->now);
 #endif
     integrator_reset(&s->fore_aft, s->now.acceleration_fore_aft, p->fore_aft_corner);
     integrator_reset(&s->side_side, s->now.acceleration_side_side, p->side_side_corner);
@@ -1409,6 +1433,7 @@ static double observed(const struct parameters *p, const struct state *s, const 
     case SEE_DISTURBANCE: return s->known[i / MOST_SEEN_BINS * N_SEEN_BINS + i % MOST_SEEN_BINS];
     case SEE_LINEAR_PITCH: return s->known[N_OUTPUTS * N_SEEN_BINS + i];
     case SEE_MODEL_FIT: return s->known[N_OUTPUTS * N_SEEN_BINS + 5 + i];
+    case SEE_OWN_RESPONSE: return s->known[N_OUTPUTS * N_SEEN_BINS + 5 + 2 * N_OUTPUTS + i];
 #endif
     default: return c->offset; /* not on the interface: held where the policy sees zero */
     }
