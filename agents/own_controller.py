@@ -6,7 +6,7 @@
 the pitch with the published gains, and individual pitch control on top. The class can be named wherever a controller is
 asked for, here too as a base for an agent:
 
-    gym.make("wt_gym/LoadReduction-v2", controller="agents/own_controller.py:IndividualPitch:gain=2e-9")
+    gym.make("wt_gym/LoadReduction-v3", controller="agents/own_controller.py:IndividualPitch:gain=2e-9")
 """
 
 import argparse

@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = """
 import sys, gymnasium
 import wt_gym
-gymnasium.make("wt_gym/LoadReduction-v2", disable_env_checker=True)
+gymnasium.make("wt_gym/LoadReduction-v3", disable_env_checker=True)
 print(sum(name.partition(".")[0] == "wt_gym" for name in sys.modules))
 """
 

@@ -8,7 +8,7 @@ from gymnasium.wrappers import vector as vector_wrappers
 
 import wt_gym  # noqa: F401 - registers the environments
 
-ID = "wt_gym/LoadReduction-v2"
+ID = "wt_gym/LoadReduction-v3"
 STEPS = 5
 
 SINGLE = {

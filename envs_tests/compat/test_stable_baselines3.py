@@ -24,7 +24,7 @@ ALGORITHMS = {
 def test_algorithms_train_and_act(scripted, name, tmp_path):
     algorithm = getattr(sb3, name, None) or getattr(contrib, name)
     policy = "MlpLstmPolicy" if name == "RecurrentPPO" else "MlpPolicy"
-    env = gym.make("wt_gym/LoadReduction-v2", max_episode_steps=8)
+    env = gym.make("wt_gym/LoadReduction-v3", max_episode_steps=8)
     model = algorithm(policy, env, device="cpu", seed=0, **ALGORITHMS[name])
     model.learn(32)
     assert model.num_timesteps >= 32
@@ -38,6 +38,6 @@ def test_algorithms_train_and_act(scripted, name, tmp_path):
 
 
 def test_normalized_vector_environments(scripted):
-    envs = VecNormalize(make_vec_env("wt_gym/LoadReduction-v2", n_envs=2, seed=0, env_kwargs={"max_episode_steps": 8}))
+    envs = VecNormalize(make_vec_env("wt_gym/LoadReduction-v3", n_envs=2, seed=0, env_kwargs={"max_episode_steps": 8}))
     model = sb3.PPO("MlpPolicy", envs, device="cpu", seed=0, **ON_POLICY).learn(64)
     assert [episode["l"] for episode in model.ep_info_buffer] == [8] * 8

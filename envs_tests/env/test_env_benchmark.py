@@ -153,10 +153,10 @@ def model(tmp_path_factory):
     """Folder of a model that was made and never trained, with the record of a training."""
     folder = tmp_path_factory.mktemp("runs") / "mine"
     kwargs = PLAIN | {"pitch": "collective", "observation": ["rotor", "pitch"], "wind_speed": [10.0, 20.0]}
-    env = gym.make("wt_gym/LoadReduction-v2", **kwargs)
+    env = gym.make("wt_gym/LoadReduction-v3", **kwargs)
     folder.mkdir()
     PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=0).save(folder / "model.zip")
-    environment = resolved_arguments("wt_gym/LoadReduction-v2", kwargs)
+    environment = resolved_arguments("wt_gym/LoadReduction-v3", kwargs)
     record = {"algorithm": "PPO", "environment": environment, "control_dt": 0.2}
     (folder / "training.json").write_text(json.dumps(record), encoding="utf-8")
     return folder
@@ -195,7 +195,7 @@ def test_another_model_is_another_run(model):
     before = jobs_of([task], [entry_of(f"x={model}")])[0].definition
     assert before == jobs_of([task], [entry_of(f"x={model}")])[0].definition
     content = (model / "model.zip").read_bytes()
-    env = gym.make("wt_gym/LoadReduction-v2", **PLAIN | {"pitch": "collective", "observation": ["rotor", "pitch"]})
+    env = gym.make("wt_gym/LoadReduction-v3", **PLAIN | {"pitch": "collective", "observation": ["rotor", "pitch"]})
     PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=1).save(model / "model.zip")
     after = jobs_of([task], [entry_of(f"x={model}")])[0].definition
     (model / "model.zip").write_bytes(content)

@@ -36,9 +36,9 @@ def entry(task, tmp_path_factory):
     root = tmp_path_factory.mktemp("entry")
     model, folder = root / "model", ResultFolder(root / "runs")
     kwargs = PLAIN | {"pitch": "collective", "observation": ["rotor", "pitch"]}
-    env = gym.make("wt_gym/LoadReduction-v2", **kwargs)
+    env = gym.make("wt_gym/LoadReduction-v3", **kwargs)
     PPO("MlpPolicy", env, n_steps=8, batch_size=8, seed=0).save(model / "model.zip")
-    environment = resolved_arguments("wt_gym/LoadReduction-v2", kwargs)
+    environment = resolved_arguments("wt_gym/LoadReduction-v3", kwargs)
     record = {"algorithm": "PPO", "environment": environment, "control_dt": 0.1}
     (model / "training.json").write_text(json.dumps(record), encoding="utf-8")
     agents = ["constrained_ipc:level=0.1", "random", f"mine={model}"]

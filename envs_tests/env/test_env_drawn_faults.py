@@ -167,7 +167,7 @@ def test_stuck_and_slow_blades_are_in_the_simulator():
 
 
 def test_ice_lasts_and_only_blades_without_it_take_the_motion_of_a_record():
-    env = gym.make("wt_gym/Faults-v0").unwrapped
+    env = gym.make("wt_gym/Faults-v1").unwrapped
     starts = {}
     for kind in ("none", "iced_blade"):
         env.reset(seed=1, options={"start_number": 3, "fault": kind})
@@ -182,7 +182,7 @@ def test_ice_lasts_and_only_blades_without_it_take_the_motion_of_a_record():
 def test_an_end_costs_more_than_running_with_the_worst_controller_in_every_fault(monkeypatch):
     """Blades that are driven to and fro in each fault, for as long as an episode lasts, against an end at once."""
     use(monkeypatch, ScriptedSimulator)
-    env = gym.make("wt_gym/Faults-v0").unwrapped
+    env = gym.make("wt_gym/Faults-v1").unwrapped
     for kind in FAULT_KINDS:
         env.reset(seed=0, options={"fault": {"kind": kind, "time": 1.0}})
         total = sum(env.step(np.full(3, (-1.0) ** (k // 5)))[1] for k in range(600))
@@ -195,7 +195,7 @@ def test_a_stopped_turbine_goes_on_and_earns_less_than_one_that_runs(monkeypatch
     returns = []
     for script in ({}, {1.0: {"rotor_speed": 0.0}}):
         monkeypatch.setattr(ScriptedSimulator, "script", script)
-        env = gym.make("wt_gym/Faults-v0", controller="discon+supervisor+yaw", relative_reward=False).unwrapped
+        env = gym.make("wt_gym/Faults-v1", controller="discon+supervisor+yaw", relative_reward=False).unwrapped
         env.reset(seed=0, options={"fault": "none"})
         returns.append(sum(reward for _, reward in play(env, 60)))
     assert returns[1] < returns[0] - 2.0

@@ -197,7 +197,7 @@ def test_fidelity_inflow_and_an_idle_controller_are_free():
 
 def test_a_record_says_what_an_id_meant_then():
     """The id may mean another action in the version that reads the record."""
-    env, arguments = gym.make("wt_gym/LoadReduction-v2"), resolved_arguments("wt_gym/LoadReduction-v2", {})
+    env, arguments = gym.make("wt_gym/LoadReduction-v3"), resolved_arguments("wt_gym/LoadReduction-v3", {})
     check_environment({"environment": arguments}, env)
     with pytest.raises(ValueError, match=r"residual_fade False, here True;"):
         check_environment({"environment": arguments | {"residual_fade": False}}, env)
@@ -386,5 +386,5 @@ def test_refused_agents_leave_no_environment_open(monkeypatch):
     closed = []
     monkeypatch.setattr(WindTurbineEnv, "close", lambda self: closed.append(self))
     with pytest.raises(FileNotFoundError, match=r"no trained model at \./nobody"):
-        AgentExperiment({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v2", {})
+        AgentExperiment({"Nobody": "./nobody"}, "wt_gym/LoadReduction-v3", {})
     assert len(closed) == 1

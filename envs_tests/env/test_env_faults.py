@@ -14,7 +14,7 @@ WIND = {"wind_speed": 14.0, "wind_seed": 1001, "azimuth": 0.0}
 
 @pytest.fixture(scope="module")
 def env():
-    made = gym.make("wt_gym/LoadReduction-v2", **PLAIN)
+    made = gym.make("wt_gym/LoadReduction-v3", **PLAIN)
     yield made
     made.close()
 

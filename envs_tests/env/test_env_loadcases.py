@@ -19,7 +19,7 @@ from wt_gym.turbines import load_turbine
 
 @pytest.fixture(scope="module")
 def env():
-    made = gym.make("wt_gym/LoadReduction-v2", max_episode_steps=10**9, **PLAIN)
+    made = gym.make("wt_gym/LoadReduction-v3", max_episode_steps=10**9, **PLAIN)
     yield made
     made.close()
 

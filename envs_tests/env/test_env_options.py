@@ -30,7 +30,7 @@ from wt_gym.simulation import Simulator
 from wt_gym.simulation.contract import TurbineSimulator
 from wt_gym.wind import SteadyInflow
 
-TASK = "wt_gym/LoadReduction-v2"
+TASK = "wt_gym/LoadReduction-v3"
 
 GIVEN = [
     WindOptions(inflow="turbulent", speed=[8.0, 9.0], seeds=iter((3, 4)), direction=0.1, wander=(0.1, 60.0)),

@@ -17,7 +17,7 @@ from wt_gym.experiment.benchmark import entries_of, entry_of
 from wt_gym.experiment.environments import AgentExperiment
 from wt_gym.experiment.names import env_choices_of, named_choices
 
-RESIDUAL = "wt_gym/LoadReduction-v2"
+RESIDUAL = "wt_gym/LoadReduction-v3"
 STEADY = "wt_gym/NREL5MW-Steady-v1"
 pytestmark = pytest.mark.usefixtures("scripted")
 

@@ -27,7 +27,7 @@ from wt_gym.experiment.robustness import (
 )
 from wt_gym.experiment.store import SWEEP_FILE
 
-TASK = "wt_gym/LoadReduction-v2"
+TASK = "wt_gym/LoadReduction-v3"
 WINDS = (Wind(15.0, 1001), Wind(15.0, 1002), Wind(18.0, 1001))
 TERMS = [term.metric for term in load_task(COST_TASK).terms]
 

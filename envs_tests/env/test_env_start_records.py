@@ -40,7 +40,7 @@ def test_the_program_moves_the_turbine_as_the_one_that_recorded_it(recorded):
 def test_a_power_tracking_controller_starts_with_its_recorded_memory(monkeypatch):
     remembered = Mock(wraps=running_record.remember)
     monkeypatch.setattr(running_record, "remember", remembered)
-    gym.make("wt_gym/PowerTracking-v0").reset(seed=1)
+    gym.make("wt_gym/PowerTracking-v1").reset(seed=1)
     assert remembered.called
 
 

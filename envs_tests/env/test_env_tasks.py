@@ -95,8 +95,9 @@ def test_ending_a_task_early_never_pays(name):
 def test_a_length_beyond_the_limit_of_the_id_is_a_warning(scripted):
     """Made with episode_length=120 a task of 60 s stays at 60 s, which shows when its first episode has ended there."""
 
-    def warned(steps=600, **kwargs):
-        env = gym.make("wt_gym/LoadReduction-v2", relative_reward=False, starts=None, **kwargs)
+    def warned(steps=300, **kwargs):
+        alone = {"relative_reward": False, "reward_credit": False, "starts": None}
+        env = gym.make("wt_gym/LoadReduction-v3", **alone, **kwargs)
         with warnings.catch_warnings(record=True) as found:
             warnings.simplefilter("always")
             env.reset(seed=0)
@@ -107,12 +108,12 @@ def test_a_length_beyond_the_limit_of_the_id_is_a_warning(scripted):
         return [str(w.message) for w in found if "max_episode_steps" in str(w.message)]
 
     (message,) = warned(episode_length=120.0)
-    assert "the limit of wt_gym/LoadReduction-v2 ends episodes after 600 steps, 60 s, before the" in message
-    assert "episode_length of 120 s: make it with max_episode_steps=1200 instead" in message
-    for quiet in ({"max_episode_steps": 1200}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
+    assert "the limit of wt_gym/LoadReduction-v3 ends episodes after 300 steps, 60 s, before the" in message
+    assert "episode_length of 120 s: make it with max_episode_steps=600 instead" in message
+    for quiet in ({"max_episode_steps": 600}, {"episode_length": 30.0}, {"episode_length": 60.0}, {}):
         assert warned(**quiet) == []
-    assert warned(1200, episode_length=120.0, max_episode_steps=1200) == []
-    assert warned(599, episode_length=120.0) == []  # ended by its user
+    assert warned(600, episode_length=120.0, max_episode_steps=600) == []
+    assert warned(299, episode_length=120.0) == []  # ended by its user
 
 
 def test_evaluations_take_the_limit_away_without_a_warning(scripted):

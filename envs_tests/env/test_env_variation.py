@@ -140,7 +140,7 @@ def test_variations_have_a_form_in_json(name):
     variation = PRESETS[name]
     assert Variation.from_json(variation.to_json()) == variation
     assert make(variation=name).options.variation == make(variation=variation.as_dict()).options.variation == variation
-    spec = gym.make("wt_gym/LoadReduction-v2", variation=variation).spec
+    spec = gym.make("wt_gym/LoadReduction-v3", variation=variation).spec
     assert gym.make(type(spec).from_json(spec.to_json())).unwrapped.options.variation == variation
 
 

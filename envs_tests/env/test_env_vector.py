@@ -17,7 +17,7 @@ from wt_gym.control import Lidar
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.learning.environments import TurbineVecEnv
 
-ID = "wt_gym/LoadReduction-v2"
+ID = "wt_gym/LoadReduction-v3"
 STEPS = 9
 
 

@@ -95,8 +95,8 @@ def test_a_choice_is_a_word_before_a_controller_before_a_path(tmp_path, monkeypa
 
 
 def test_the_baseline_is_what_the_environment_runs_beneath():
-    assert own_controller("wt_gym/LoadReduction-v2", {}) == "discon"
-    assert own_controller("wt_gym/LoadReduction-v2", {"controller": "baseline+ipc:limit=0.1"}) == "discon+ipc:limit=0.1"
+    assert own_controller("wt_gym/LoadReduction-v3", {}) == "discon+side_side_damper+observer"
+    assert own_controller("wt_gym/LoadReduction-v3", {"controller": "baseline+ipc:limit=0.1"}) == "discon+ipc:limit=0.1"
     assert own_controller("wt_gym/NREL5MW-Steady-v1", {"controller": "ipc"}) == "discon"  # nothing runs beneath rates
     assert named_choices(["baseline", "own=Baseline PI"], "discon+yaw") == {
         "discon+yaw": "discon+yaw",

@@ -28,7 +28,7 @@ def evaluation(flap, frequency=0.2, phase=0.0, length=120.0, winds=WINDS):
         for agent, factor in flap.items():
             metrics = MEAN | {"blade_flap_del": MEAN["blade_flap_del"] * factor}
             runs.append(Run(agent, wind, data, metrics, 1.0, {}, 120.0, length, "time"))
-    settings = {"skip": 20.0, "env_id": "wt_gym/LoadReduction-v2", "duration": 120.0}
+    settings = {"skip": 20.0, "env_id": "wt_gym/LoadReduction-v3", "duration": 120.0}
     return Evaluation("Turbine", settings, runs, "discon")
 
 

@@ -206,8 +206,9 @@ def test_readings_are_those_of_the_lidar_in_the_inflow(turbine):
 
 
 def test_beneath_an_agent_it_reads_what_the_observation_shows(monkeypatch):
-    steady = {"start": "steady"}  # a running start has it hear what was before
-    env = gym.make("wt_gym/LoadReduction-v2", controller="lidar+constrained_ipc", observation=("lidar",), **steady)
+    # a running start has it hear what was before, and a twin, unless its course is known, hears too
+    plain = {"start": "steady", "relative_reward": False, "reward_credit": False}
+    env = gym.make("wt_gym/LoadReduction-v3", controller="lidar+constrained_ipc", observation=("lidar",), **plain)
     env.reset(seed=3)  # canary runs of new sources hear too
     heard, step = [], LidarFeedforward.step
     monkeypatch.setattr(LidarFeedforward, "step", lambda s, r, dt: (heard.append(r["lidar_2"]), step(s, r, dt))[1])
@@ -257,8 +258,9 @@ def test_as_an_agent_it_needs_the_lidar_of_the_observation():
 def test_an_observation_has_the_lidar_of_the_base_controller():
     lidar = Lidar([70, 140])
     env = gym.make(
-        "wt_gym/LoadReduction-v2", observation=("lidar",), controller=lambda t: make_controller("lidar", t, lidar=lidar)
-    )
+        "wt_gym/LoadReduction-v3", observation=("lidar",), reward_credit=False,
+        controller=lambda t: make_controller("lidar", t, lidar=lidar),
+    )  # fmt: skip
     assert env.unwrapped.layout.lidar == lidar
     assert env.unwrapped.layout.observation.names == ("lidar_1", "lidar_2")
     env.close()

@@ -158,7 +158,7 @@ def test_the_command_shows_what_the_controller_of_a_turbine_takes(turbine, capsy
 
 @pytest.mark.parametrize(
     ("what", "word"),
-    [("turbines", "iea_22mw"), ("tasks", "wt_gym/LoadReduction-v2"), ("channels", "generator_speed"), ("agents", "l")],
+    [("turbines", "iea_22mw"), ("tasks", "wt_gym/LoadReduction-v3"), ("channels", "generator_speed"), ("agents", "l")],
 )
 def test_the_command_lists_other_things(what, word, capsys):
     run_command("list", [what])

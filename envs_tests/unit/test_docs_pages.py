@@ -171,7 +171,7 @@ def test_the_page_says_what_the_code_does(page, words):
 def test_the_file_of_hyperparameters_can_be_read(tmp_path):
     file = tmp_path / "mine.yml"
     file.write_text(YAML)
-    assert read_hyperparameters(file, "PPO", "wt_gym/FullRange-v2")["n_steps"] == 2048
+    assert read_hyperparameters(file, "PPO", "wt_gym/FullRange-v3")["n_steps"] == 2048
 
 
 # ---- what stands on a page and what is so ----------------------------------------------------------------------------

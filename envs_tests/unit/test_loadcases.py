@@ -333,6 +333,6 @@ def test_bad_arguments_take_one_line(words, message, tmp_path, monkeypatch):
 
 
 def test_a_parked_turbine_is_refused_to_another_simulator(tmp_path):
-    config = LoadCaseConfig("wt_gym/LoadReduction-v2", {"simulator": lambda *_: None}, cases=("6.1",), quick=True)
+    config = LoadCaseConfig("wt_gym/LoadReduction-v3", {"simulator": lambda *_: None}, cases=("6.1",), quick=True)
     with pytest.raises(ValueError, match=r"without a parked turbine, got 6\.1"):
         run_load_cases({"discon": "discon"}, config, tmp_path)

@@ -99,7 +99,7 @@ from wt_gym.experiment.run_folder import RunFolder
 if __name__ == "__main__":
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         print(pool.apply(RunFolder, ("folder",)).__class__ is RunFolder, RunFolder.__module__)
-    print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v2")) > 3, shipped_folder())
+    print(len(hyperparameters_for("PPO", "wt_gym/LoadReduction-v3")) > 3, shipped_folder())
 """
 
 

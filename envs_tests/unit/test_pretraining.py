@@ -43,7 +43,7 @@ BASE = {
 EXPONENTS = (metrics.BLADE_EXPONENT, metrics.TOWER_EXPONENT)
 ARGUMENTS = {
     "controller": "linear_optimal", "observation": ["disturbances"], "control_dt": 0.1, "residual_form": "offset",
-    "residual_washout": None, "sensor_washout": None, "relative_reward": False,
+    "residual_washout": None, "sensor_washout": None, "relative_reward": False, "reward_credit": False,
 }  # fmt: skip
 
 
@@ -281,7 +281,7 @@ def test_a_policy_that_sees_what_it_does_acts_as_in_a_simulation_of_the_loop():
 
 def test_a_condition_is_that_of_the_recorded_episode():
     """Slow drives lag more, and a dead gauge reaches what the agent sees, not the loads."""
-    job = EpisodeJob("wt_gym/LoadReduction-v2", json.dumps(ARGUMENTS), 17.0, 3, 4.0)
+    job = EpisodeJob("wt_gym/LoadReduction-v3", json.dumps(ARGUMENTS), 17.0, 3, 4.0)
     nominal, slow, dead = (
         record_episode(replace(job, condition=json.dumps({"variation": one})))
         for one in ({}, {"drive_lag": 0.3}, {"dead_sensor": ["root_flap_moment_1"]})
@@ -303,13 +303,14 @@ def test_a_condition_is_that_of_the_recorded_episode():
 def test_offsets_that_are_recorded_are_those_that_the_objective_takes_of_the_policy(controller, condition):
     """In the frame of the readings, with what a supervisor leaves of them."""
     asked = np.tile(np.array([0.1, 0.5, -0.25], dtype=np.float32), (60, 1))
-    arguments = json.dumps(ARGUMENTS | {"controller": controller, "residual_fade": False})
+    spans = {"pitch_mean": math.radians(0.5)}
+    arguments = json.dumps(ARGUMENTS | {"controller": controller, "residual_fade": False, "action_spans": spans})
     played, told = PlayedActions(asked), json.dumps(condition)
-    found = record_episode(EpisodeJob("wt_gym/LoadReduction-v2", arguments, 17.0, 3, 6.0, played, condition=told))
+    found = record_episode(EpisodeJob("wt_gym/LoadReduction-v3", arguments, 17.0, 3, 6.0, played, condition=told))
     assert (found.steps, found.flap.shape, found.observations.shape[0]) == (60, (3, 61), 60)
-    spans = Limits(math.radians(0.5), math.radians(4.0), None, FULL, RATED, 5.0)
+    limits = Limits(math.radians(0.5), math.radians(4.0), None, FULL, RATED, 5.0)
     cyclic = found.share * found.individual
-    expected = spans.offsets(torch.from_numpy(asked), tensor(np.stack([found.share, cyclic, cyclic])), DT).numpy()
+    expected = limits.offsets(torch.from_numpy(asked), tensor(np.stack([found.share, cyclic, cyclic])), DT).numpy()
     reached = slice(40, None)  # offsets move at their greatest rate
     np.testing.assert_allclose(found.offsets[:, reached], expected[:, reached], atol=2e-4)
     assert (found.individual[-1] == 0.0) == (condition.get("fault_kinds") == ["stuck_blade"])
@@ -344,7 +345,7 @@ def work_of(progress=lambda _: None, recordings=None, **options):
     execution = pretraining.Execution(Here(), progress, recordings=recordings)
     arguments = ARGUMENTS | {"wind_speed": (15.0, 17.0)}
     return pretraining._Work(
-        "wt_gym/LoadReduction-v2", arguments, PretrainingOptions.from_dict(few | options), execution
+        "wt_gym/LoadReduction-v3", arguments, PretrainingOptions.from_dict(few | options), execution
     )
 
 
@@ -382,7 +383,7 @@ def test_conditions_are_recorded_in_turns_and_each_is_identified_once(monkeypatc
 def test_a_recording_has_no_faults_and_its_own_length():
     """Whatever the arguments of the training say of both."""
     arguments = ARGUMENTS | {"fault_kinds": ["stuck_blade"], "fault_time": 1.0, "episode_length": 2.0}
-    found = record_episode(EpisodeJob("wt_gym/Faults-v0", json.dumps(arguments), 17.0, 3, 4.0, None))
+    found = record_episode(EpisodeJob("wt_gym/Faults-v1", json.dumps(arguments), 17.0, 3, 4.0, None))
     assert found.steps == 40
 
 
@@ -468,7 +469,7 @@ def test_a_training_hands_its_budget_of_travel_to_the_pretraining_and_refuses_ot
     ],
 )
 def test_environments_that_cannot_be_pretrained_on(changes, message):
-    env = gym.make("wt_gym/LoadReduction-v2", **(ARGUMENTS | changes)).unwrapped
+    env = gym.make("wt_gym/LoadReduction-v3", **(ARGUMENTS | changes)).unwrapped
     with pytest.raises(ValueError, match=message):
         check_environment(env)
 
@@ -506,7 +507,7 @@ PITCH_OFFSETS = [
 
 def test_no_action_changes_the_observation_of_a_lidar():
     seen = {"observation": ["disturbances", "lidar"], "lidar": {"ranges": [30.0, 60.0], "apart": True}}
-    check_environment(gym.make("wt_gym/LoadReduction-v2", **(ARGUMENTS | seen)).unwrapped)
+    check_environment(gym.make("wt_gym/LoadReduction-v3", **(ARGUMENTS | seen)).unwrapped)
 
 
 @pytest.mark.parametrize("env_id", PITCH_OFFSETS)
@@ -522,8 +523,8 @@ def test_the_linear_optimal_controller_takes_the_place_of_the_published_one_belo
     config = TrainingConfig(env_id="wt_gym/FullOperation-v0", pretraining={}, total_steps=0)
     assert config.env_kwargs["controller"] == "linear_optimal+supervisor:averaging=60"
     assert config.env_kwargs["action_components"] == ["pitch"]
-    faults = TrainingConfig(env_id="wt_gym/Faults-v0", pretraining={}, total_steps=0)
-    assert faults.env_kwargs["controller"] == "linear_optimal+yaw"
+    faults = TrainingConfig(env_id="wt_gym/Faults-v1", pretraining={}, total_steps=0)
+    assert faults.env_kwargs["controller"] == "linear_optimal+yaw"  # with damper and observer of its own
 
 
 def test_given_arguments_come_before_those_of_pretraining_single_or_in_groups():

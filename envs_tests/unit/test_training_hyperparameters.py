@@ -11,7 +11,7 @@ from wt_gym.learning.options import TrainingConfig
 from wt_gym.learning.search import tried
 from wt_gym.tasks import TASKS
 
-TASK, STEADY = "wt_gym/LoadReduction-v2", "wt_gym/NREL5MW-Steady-v1"
+TASK, STEADY = "wt_gym/LoadReduction-v3", "wt_gym/NREL5MW-Steady-v1"
 
 
 @pytest.mark.parametrize("name", TASKS)

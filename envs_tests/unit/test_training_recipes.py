@@ -50,8 +50,8 @@ def test_typed_options_of_a_pretraining_take_the_place_of_single_ones():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--env", "wt_gym/LoadReduction-v1"], r"did you mean '?wt_gym/LoadReduction-v2"),
-        (["--env", "LoadReduction"], "must be one of .*wt_gym/LoadReduction-v2"),
+        (["--env", "wt_gym/LoadReduction-v1"], r"did you mean '?wt_gym/LoadReduction-v3"),
+        (["--env", "LoadReduction"], "must be one of .*wt_gym/LoadReduction-v3"),
     ],
 )
 def test_environments_without_a_recipe_are_refused(words, message):

@@ -122,7 +122,7 @@ def measured(agent: str, weights: dict[str, float]) -> list[dict[str, float]]:
     """Metrics of an agent at a setting of the dial, by wind."""
     kwargs = {"dial_weights": {"fatigue": 1.0, **weights}, "start": "steady", "wind_speed": [11.5, 22.0]}
     winds = tuple(Wind(speed, seed) for speed, seed in WINDS)
-    config = EvaluationConfig("wt_gym/Dial-v0", kwargs, winds, duration=DURATION, skip=SKIP, replay=0.0)
+    config = EvaluationConfig("wt_gym/Dial-v1", kwargs, winds, duration=DURATION, skip=SKIP, replay=0.0)
     names = sorted(name for part in PARTS.values() for name in part)
     runs = evaluate({"agent": agent}, config, progress=False).runs
     assert all(run.complete for run in runs)

@@ -47,7 +47,7 @@ def simulate(inflow, start, n_frames, trained):
         agent = TrainedAgent.load(AGENT)
         chosen = read_record(AGENT / "training.json")["config"]["env_kwargs"]
         arguments = {name: value for name, value in chosen.items() if name != "wind_speed"}
-    env = gym.make("wt_gym/LoadReduction-v2", fidelity="engineering", inflow=inflow, **arguments)
+    env = gym.make("wt_gym/LoadReduction-v3", fidelity="engineering", inflow=inflow, **arguments)
     observation, info = env.reset(seed=0, options={"azimuth": 0.0})
     rest = np.zeros(env.action_space.shape, dtype=np.float32)
     rows, shapes = [], []

@@ -444,8 +444,9 @@ def tables(text: str, record: dict) -> str:
 
     def scores(name: str) -> str:
         study = record[name]
+        earlier = "" if study["env_id"] == STUDIES[name].env_id else ", an earlier version of the task"
         return (
-            f"Measured in `{study['env_id']}`; the return is against the first row in the same wind, as the "
+            f"Measured in `{study['env_id']}`{earlier}; the return is against the first row in the same wind, as the "
             f"environment gives it.\n\n{score_table(name, study['runs'])}"
         )
 

@@ -1,7 +1,7 @@
 """Compile the simulator of environments, in two processes, so that no later run has to wait for it.
 
     wt-gym compile
-    wt-gym compile wt_gym/LoadReduction-v2 wt_gym/IEA15MW-Turbulent-v2
+    wt-gym compile wt_gym/LoadReduction-v3 wt_gym/IEA15MW-Turbulent-v2
 
 Compiled kernels stay in the cache (NUMBA_CACHE_DIR, else beside the package). One that has them already is done within
 seconds. On a cluster run it once on every kind of node, before the workers start.

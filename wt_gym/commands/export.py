@@ -11,7 +11,7 @@ discon: a controller, or a trained agent on its controller, from measurements to
 with the Bladed interface for OpenFAST, Bladed, HAWC2 and QBlade, with a parameter file. Needs a C compiler, or ziglang.
 
 openfast: that library in a folder with turbine and wind, which OpenFAST's driver runs: openfast FOLDER/model.fst. An
-agent runs in the turbine and wind of its training, a controller in those of wt_gym/LoadReduction-v2; wt-gym loads
+agent runs in the turbine and wind of its training, a controller in those of wt_gym/LoadReduction-v3; wt-gym loads
 reads what OpenFAST writes.
 """
 

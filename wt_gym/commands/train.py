@@ -1,6 +1,6 @@
 """Train a policy on a wt_gym environment: PPO, SAC or TQC.
 
-    wt-gym train --recipe --env wt_gym/LoadReduction-v2
+    wt-gym train --recipe --env wt_gym/LoadReduction-v3
     wt-gym train --wind-speed 15 --max-seconds 600 --out runs/ppo
     wt-gym train --algo sac --hyper learning_rate=1e-3 net_arch=[128,128] --out runs/sac
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five

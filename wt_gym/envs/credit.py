@@ -127,7 +127,8 @@ class Credit(Term):
         part = linear_part(operation.controller)
         if part is None:
             raise ValueError(
-                "credit needs a base controller with an observer, such as controller='discon+side_side_damper+observer'"
+                "reward_credit needs a base controller with an observer, such as "
+                "controller='discon+side_side_damper+observer', or must be False"
             )
         self._twin, self._operation, self._unit = twin, operation, unit
         self._weights = fatigue_weights(terms)

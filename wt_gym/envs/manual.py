@@ -96,6 +96,16 @@ named in ``info["saturated"]``. ``observation`` names groups and single channels
 | previous_action | last action                                | 0      | 1      | -1     | 1      | -       |
 | dead_band       | yaw error behind the controller's filter   | 0      | 4      | -180   | 180    | deg     |
 | dead_band       | direction in which it turns the nacelle    | 0      | 1      | -1     | 1      | -       |
+| disturbances    | of each of 6 outputs, last 0.1 s           | 0      | 1      | -20    | 20     | -       |
+| disturbances    | its change between 12 times up to 15 s ago | 0      | 0.32-1 | -20    | 20     | -       |
+| disturbances    | pitch that these ask for: mean, tilt, yaw  | 0      | 1      | -39.5  | 39.5   | deg     |
+| disturbances    | share in which offsets act                 | 0.5    | 0.5    | 0      | 1      | -       |
+| disturbances    | slow pitch                                 | 5.7    | 5.7    | 0      | 90     | deg     |
+| own_response    | what offsets did to each of the 6 outputs  | 0      | 1      | -20    | 20     | -       |
+| own_response    | velocity of the tower top fore-aft         | 0      | 0.071  | -1.42  | 1.42   | m/s     |
+| own_response    | the same, side-side                        | 0      | 0.029  | -0.58  | 0.58   | m/s     |
+| own_response    | displacement of the tower top fore-aft     | 0      | 0.034  | -0.67  | 0.67   | m       |
+| own_response    | the same, side-side                        | 0      | 0.014  | -0.27  | 0.27   | m       |
 | model_fit       | gain that the model of an output lacks     | -0.7   | 0.5    | -20    | 20     | -       |
 | model_fit       | lag that it lacks                          | 0.1    | 0.1    | -10    | 10     | s       |
 | supervisor      | 1 in each of its five states, else 0       | 0      | 1      | 0      | 1      | -       |
@@ -113,6 +123,10 @@ By default residual actions see rotor, power, pitch, wind, fixed_frame, tower, c
 power, pitch, wind, blades, tower, azimuth and previous_action. Single channels beyond the groups: the moments of
 the tower base, mean, tilt and yaw of any signal of the blades, for example ``"root_edge_moment_yaw"``, and
 ``"residual_share"`` and ``"residual_mean"`` where residual pitch fades or is washed out.
+Disturbances and own response need linear optimal pitch or an ``observer`` in the base controller; an observer asks for
+no pitch. Its six outputs are the flap moments as mean, tilt and yaw, the two accelerations of the nacelle and the rotor
+speed, over their scales. A model says what past offsets did to them; what is left of the readings is the disturbance,
+which no action changes.
 ``sensor_noise``, ``sensor_delay`` and ``history`` make readings worse or more; with ``sensors="all"`` the base
 controller reads the same instruments. ``sensor_washout`` passes loads, deflections and accelerations, but not
 tilt and yaw of flapwise ones, through a high-pass filter, after which their offset is zero. ``variation`` draws
@@ -136,6 +150,11 @@ tower base; moments are those behind a high-pass filter of 10 s:
 | tower_side_side_fatigue | 1      | x = side-side moment / (0.08 T)                                       |
 | actuator_use            | 0.1    | -w mean of abs(rate)/greatest rate of pitch, yaw and torque           |
 | overspeed               | 0.4    | x = (rotor speed / rated - 1.02) / 0.1 where positive                 |
+
+With ``rate_reward`` a step gets the mean rate itself, of order one, in place of its integral. With ``relative_reward``
+what the base controller alone earns in the same wind is taken off. With ``reward_credit`` a step also gets, as the term
+``credit``, what its action does to the fatigue terms of the next 15 s by the model of the observer, less what was
+credited for this step before; the sum over an episode stays (`wt_gym.envs.credit`).
 
 With a ``power_reference`` the term ``power_tracking`` (weight 0 by default) costs ``w (sqrt(1 + x^2) - 1)`` with x =
 (P - P_demanded) / (0.05 R), and what kinetic energy the rotor ends with less than it began with.
@@ -302,13 +321,14 @@ def describe(env: WindTurbineEnv, spec: EnvSpec | None, count: int = 1) -> str:
 
 
 def _short(names: Iterable[str]) -> str:
-    """Names in a line, neighbors that differ by their last word alone as one: ``pitch_1/2/3``."""
+    """Names in a line, neighbors that differ by their last word alone as one: ``pitch_1-3``, ``flap_tilt/yaw``."""
     parts: list[str] = []
     before = None
     for name in names:
         stem, _, last = name.rpartition("_")
         if stem and stem == before:
-            parts[-1] += f"/{last}"
+            counted = last.isdecimal() and last != "1"
+            parts[-1] = f"{stem}_1-{last}" if counted else f"{parts[-1]}/{last}"
         else:
             parts.append(name)
         before = stem

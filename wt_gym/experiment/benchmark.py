@@ -89,7 +89,8 @@ def make_env(task: BenchmarkTask, wind: BenchmarkWind, interface: dict[str, Any]
     if isinstance(interface.get("controller"), list):
         name, parameters = interface["controller"]
         interface["controller"] = partial(make_controller, name, **parameters)
-    given = {**task.env_kwargs, **interface} | {"relative_reward": False, "starts": None}  # compared with other runs
+    given = {**task.env_kwargs, **interface}
+    given |= {"relative_reward": False, "reward_credit": False, "starts": None}  # compared with other runs
     if wind.transient is not None:
         given |= {"inflow": wind.inflow(_load_turbine(_argument(task, "turbine"))), "wind_speed": None}
     env = gym.make(task.env_id, **given, episode_length=task.duration, max_episode_steps=ENDLESS)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from wt_gym.envs.episode import Agent
 
-_COMPARED = {"relative_reward": False, "starts": None}
+_COMPARED = {"relative_reward": False, "reward_credit": False, "starts": None}
 """The baseline runs in the same wind and is compared afterwards; starts of a training are none of an evaluation."""
 
 
@@ -157,6 +157,19 @@ def _with_defaults(arguments: Mapping[str, Any], names: Iterable[str]) -> dict[s
     return json_values(values)
 
 
+def with_common_step(agents: Mapping[str, str | Agent], env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of an environment in which all trained models among agents can act, where they say no control step.
+
+    It is the shortest of their trainings, if that is shorter than the environment's: the others hold their actions.
+    """
+    models = [each for each in agents.values() if isinstance(each, str) and read_name(each).kind == "trained"]
+    if not models or "control_dt" in flat_arguments(env_kwargs):
+        return dict(env_kwargs)
+    here = registered_arguments(env_id, env_kwargs).get("control_dt", argument_default("control_dt"))
+    steps = [(load_model(read_name(model)).record or {}).get("control_dt", here) for model in models]
+    return {**env_kwargs, "control_dt": min(steps)} if min(steps) < here else dict(env_kwargs)
+
+
 # ---- the environments of an experiment ----
 
 
@@ -203,19 +216,17 @@ class Environments:
             here = registered_arguments(self._id, self._kwargs).get("controller", BASELINE)
             same = given in ALIASES or (isinstance(here, str) and read_name(here) == read_name(given))
             choice = None if same else given
-            chosen = chosen if choice is None else self._without_supervisor(choice) | chosen
+            chosen = chosen if choice is None else self._without_foreign(choice) | chosen
         return self._make(choice, interface_of_training(record, self.plain, meaning=not as_given) | chosen)
 
-    def _without_supervisor(self, choice: str) -> dict[str, Any]:
-        """Actions and observation without what a supervisor has, for a controller without one: its actions are zero."""
-        here = registered_arguments(self._id, self._kwargs)
-        left = {
-            key: tuple(name for name in given if name != foreign)
-            for key, foreign in (("action_components", "set_point"), ("observation", "supervisor"))
-            if isinstance(given := here.get(key), list | tuple) and foreign in given
-        }
-        if not left or supervisor_of(make_controller(choice.removeprefix(PREFIX), layout_of(self.plain).turbine)):
-            return {}
+    def _without_foreign(self, choice: str) -> dict[str, Any]:
+        """Actions and observation without what a controller lacks: its actions are zero, and look at nothing."""
+        here, left = registered_arguments(self._id, self._kwargs), {"observation": ("rotor",)}
+        components = here.get("action_components") or ()
+        if "set_point" in components:
+            controller = make_controller(choice.removeprefix(PREFIX), layout_of(self.plain).turbine)
+            if supervisor_of(controller) is None:
+                left["action_components"] = tuple(name for name in components if name != "set_point")
         return left
 
     def _make(self, choice: str | None, seen: Mapping[str, Any]) -> gym.Env:

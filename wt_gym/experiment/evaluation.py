@@ -24,7 +24,7 @@ from wt_gym.envs.options import wind_files_of, with_whole_paths
 from wt_gym.envs.terminations import violated
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, LARGEST_WIND_SEED
-from wt_gym.experiment.environments import AgentExperiment
+from wt_gym.experiment.environments import AgentExperiment, with_common_step
 from wt_gym.experiment.names import fingerprint
 from wt_gym.experiment.options import ClimateOptions
 from wt_gym.experiment.run import LEAST_MEASURED, EpisodePlayer, benchmark_fingerprint
@@ -370,7 +370,8 @@ def evaluate(
     ----------
     agents : mapping
         Name to agent, or to a word or path for `wt_gym.experiment.agents.load_agent`. The first is the one the others
-        are compared with.
+        are compared with. Control steps are as short as the shortest in the training of one of them
+        (`wt_gym.experiment.environments.with_common_step`).
     folder : str or path, optional
         Stores each run as soon as it is done, and in the end the tables. Runs of the same evaluation that are there
         already are not run again. Needs agents by word or path.
@@ -400,6 +401,7 @@ def evaluate(
         raise ValueError(
             f"agents that run in other processes must be names or paths, got objects for {', '.join(objects)}"
         )
+    config = replace(config, env_kwargs=with_common_step(agents, config.env_id, config.env_kwargs))
     store = None if folder is None else EvaluationFolder(folder, agents, config)
     with store or nullcontext(), _EvaluationRuns(agents, config, allow_other_environment, store) as experiment:
         layout, turbine_env = layout_of(experiment.env), turbine_env_of(experiment.env)

@@ -22,7 +22,7 @@ from wt_gym.control import Demand
 from wt_gym.envs.operation import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
-from wt_gym.experiment.environments import AgentExperiment
+from wt_gym.experiment.environments import AgentExperiment, with_common_step
 from wt_gym.experiment.loadcases import (
     CASES,
     DEFLECTION_FACTOR,
@@ -398,6 +398,7 @@ def run_load_cases(
             f"agents of load cases must be at least one, named otherwise than {PARKED!r}; got "
             f"{', '.join(agents) or 'none'}"
         )
+    config = replace(config, env_kwargs=with_common_step(agents, config.env_id, config.env_kwargs))
     with (
         RunStore(folder, "loadcases") as store,
         _LoadCaseRuns(agents, config, as_given=allow_other_environment) as experiment,

@@ -34,6 +34,8 @@ _ENVIRONMENT: dict[str, Any] = {
     "residual_fade": {"pitch": [math.radians(0.5), math.radians(3.0)], "fine_speed": [0.97, 1.02]},
     "residual_washout": None,
     "sensor_washout": None,
+    "rate_reward": False,
+    "reward_credit": False,
 }
 _SPAN = 0.5
 """Of the agent's offsets over the limit that a design of the turbine has by default [-]."""
@@ -254,17 +256,38 @@ def _checked_condition(given: Any, skip: float) -> dict[str, Any]:
     return flat
 
 
+def without_observer(controller: str) -> str:
+    """Name of a base controller without its observer and the damper beside it: linear optimal pitch has both.
+
+    Examples
+    --------
+    >>> without_observer("discon+side_side_damper+observer+yaw")
+    'discon+yaw'
+    """
+    from wt_gym.control.controllers.names import parse_name
+
+    name = parse_name(controller)
+    parts = name.target.split("+")
+    if "observer" in parts:
+        parts = [part for part in parts if part not in ("observer", "side_side_damper")]
+    return replace(name, target="+".join(parts)).text
+
+
 def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of an environment whose policy is pretrained, with what is not given set as pretraining needs it.
 
     The agent acts by offsets of the pitch alone on the linear optimal controller, which takes the place of the
     turbine's own where the id has additions to that; it sees what no action changes, and fades as the controller does.
-    Its offsets are within the abilities of the pitch drives of the turbine. A ValueError where the actions of the id do
-    not move the pitch, or its base controller is without the turbine's own, which the linear optimal one could replace.
+    Its offsets are within the abilities of the pitch drives of the turbine. It acts at every step of the simulator, and
+    the reward is the integral over it; what an early end costs stays the same time of operation. A ValueError where the
+    actions of the id do not move the pitch, or its base controller is without the turbine's own, which the linear
+    optimal one could replace.
     """
     from wt_gym.control.controllers.linear_optimal import default_limits
     from wt_gym.control.controllers.names import BASELINE, parse_name
     from wt_gym.envs.options import argument_default, flat_arguments, registered_arguments
+    from wt_gym.simulation.fidelity import choose_fidelity
+    from wt_gym.simulation.fidelity import fidelity as fidelity_of
     from wt_gym.turbines import load_turbine
 
     env_kwargs = flat_arguments(env_kwargs)
@@ -276,7 +299,7 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
     if len(components) > 1:
         own["action_components"] = ["pitch"]
     if "controller" in whole and "controller" not in env_kwargs:
-        name = parse_name(str(whole["controller"]))
+        name = parse_name(without_observer(str(whole["controller"])))
         parts = name.target.split("+")
         if BASELINE not in parts:
             raise ValueError(
@@ -286,7 +309,13 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
         below = "+".join("linear_optimal" if part == BASELINE else part for part in parts)
         own["controller"] = replace(name, target=below).text
     turbine = whole.get("turbine", argument_default("turbine"))
-    limit, rate = default_limits(load_turbine(turbine) if isinstance(turbine, str) else turbine)
+    turbine = load_turbine(turbine) if isinstance(turbine, str) else turbine
+    fidelity = fidelity_of(choose_fidelity(turbine, whole.get("fidelity")))
+    own["control_dt"] = fidelity.step_for(turbine.drivetrain.rated_rotor_speed)
+    named = registered_arguments(env_id, {})
+    if named.get("rate_reward"):
+        own["termination_penalty"] = named["termination_penalty"] * named["control_dt"]
+    limit, rate = default_limits(turbine)
     spans = {"pitch": _SPAN * limit, "pitch_mean": _SPAN * limit, "pitch_rate": rate}
     seen = ["disturbances", "dial"] if whole.get("dial_weights") is not None else ["disturbances"]
     return {**_ENVIRONMENT, **own, "observation": seen, "action_spans": spans, **env_kwargs}

@@ -38,6 +38,7 @@ from wt_gym.envs.options import registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.run import EpisodePlayer
+from wt_gym.learning.options import without_observer
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
@@ -191,10 +192,11 @@ def check_environment(env: WindTurbineEnv) -> None:
 def _environment(env_id: str, arguments: str, baseline: bool, condition: str) -> gym.Env[Any, Any]:
     """Environment that a process keeps."""
     given: dict[str, Any] = {k: value for k, value in json.loads(arguments).items() if not k.startswith("fault_")}
-    given |= {"relative_reward": False, "fault_kinds": None, "episode_length": None}  # a job has its own duration
+    given |= {"relative_reward": False, "reward_credit": False, "fault_kinds": None}
+    given["episode_length"] = None  # a job has its own duration
     given |= json.loads(condition)
     if baseline:
-        published = registered_arguments(env_id, {}).get("controller", BASELINE)
+        published = without_observer(registered_arguments(env_id, {}).get("controller", BASELINE))
         given |= {"controller": published, "observation": ["rotor"], "residual_fade": False, "residual_washout": None}
     env = gym.make(env_id, max_episode_steps=_ENDLESS, **given)
     turbine_env_of(env).outer_steps = _ENDLESS
