@@ -6,7 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from scipy.signal import fftconvolve
 
-import wt_gym  # noqa: F401
+import wt_gym
 from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.terms import Transition
 from wt_gym.learning import linear_env
@@ -84,12 +84,13 @@ def test_rewards_are_those_of_the_terms_of_the_environment(model):
     env = started(model, reward_credit=False, reward={**weights, "blade_fatigue": 1.5})
     rewards, effects, *_ = played(env, actions(60))
     turbine, dt = env.envs[0].turbine, env.envs[0].control_dt
-    terms = [[t for t in env.envs[0].reward_terms] for _ in range(2)]
     kinds = BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
     for k in range(RUNS):
         both = []
         for changed in (True, False):
-            terms = [kind(**{"weight": t.weight}) for kind in kinds for t in env.envs[0].reward_terms if type(t) is kind]
+            terms = [
+                kind(**{"weight": t.weight}) for kind in kinds for t in env.envs[0].reward_terms if type(t) is kind
+            ]
             total, mean = np.zeros(60), model.raw[k].mean(0)
             series = model.raw[k].copy()
             if changed:

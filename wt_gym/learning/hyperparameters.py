@@ -57,6 +57,7 @@ class _Shared(Options):
     batch_size: int = option("samples of an update", default=None, low=2, high=1_000_000)
     log_std_init: float = option("first logarithm of the standard deviation of actions", default=None, low=-10, high=3)
     net_arch: tuple[int, ...] = option("sizes of the hidden layers", default=None, low=1, high=4096, check=_layers)
+    linear_policy: bool = option("no hidden layers in the policy: those of net_arch are of values alone", default=None)
     activation_fn: str = option("activation of the layers", default=None, choices=("tanh", "relu", "elu"))
     use_sde: bool = option("exploration that depends on the state", default=None)
     sde_sample_freq: int = option("steps between its draws; -1: a rollout", default=None, low=-1, high=1_000_000)

@@ -21,7 +21,7 @@ import json
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -240,6 +240,15 @@ def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions 
         responses=np.stack(responses), explained=np.stack(explained), curvature=np.array(curvature),
         **_stacked(free),
     )  # fmt: skip
+
+
+def in_winds(
+    model: LinearModel, env_id: str, arguments: Mapping[str, Any], winds: Sequence[tuple[float, int]], duration: float
+) -> LinearModel:
+    """Model with runs of a duration [s] in other winds, of mean speed [m/s] and seed, in the place of its own."""
+    runs = record_runs(env_id, arguments, [(speed, seed, duration, None) for speed, seed in winds])
+    speeds, seeds = zip(*winds, strict=True)
+    return replace(model, speeds=np.array(speeds), seeds=np.array(seeds), **_stacked(runs))
 
 
 def _stacked(runs: Sequence[_Run]) -> dict[str, Any]:

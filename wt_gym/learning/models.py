@@ -207,6 +207,8 @@ def make_model(config: TrainingConfig, venv: VecNormalize) -> BaseAlgorithm:
     chosen = of_each_copy(config.resolved, venv.num_envs)
     values = {name: _value(entry) for name, entry in chosen.items() if name not in _OF_THE_ENVIRONMENT}
     policy = {name: values.pop(name) for name in _OF_THE_POLICY if name in values}
+    if values.pop("linear_policy", False):
+        policy["net_arch"] = {"pi": [], "vf" if config.algorithm == "PPO" else "qf": policy.get("net_arch", [64, 64])}
     try:
         return _LEARNING_CLASSES[config.algorithm](
             "MlpPolicy", venv, policy_kwargs=policy, seed=config.seed, device="cpu", **values

@@ -71,8 +71,8 @@ throws away what comes later."""
 
 _ALGORITHMS, _ENV = ("PPO", "SAC"), "wt_gym"
 _UNKNOWN = {  # and what may be given all the same, because it means nothing
-    "PPO": {"use_sde": (False,), "sde_sample_freq": (), "target_kl": ()},
-    "SAC": {"use_sde": (False,), "sde_sample_freq": (), "log_std_init": ()},
+    "PPO": {"use_sde": (False,), "sde_sample_freq": (), "target_kl": (), "linear_policy": (False,)},
+    "SAC": {"use_sde": (False,), "sde_sample_freq": (), "log_std_init": (), "linear_policy": (False,)},
 }
 # Where the files leave them out: those of stable-baselines3, not RLlib's.
 _DEFAULTS: dict[str, dict[str, Any]] = {
