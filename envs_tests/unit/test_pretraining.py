@@ -519,15 +519,6 @@ def test_pretraining_brings_the_arguments_that_it_needs(env_id):
     env.close()
 
 
-def test_pretraining_keeps_what_an_early_end_costs():
-    """A second has five rates at 0.2 s, and the integral over it is one."""
-    arguments = TASKS["LoadReduction"].arguments
-    config = TrainingConfig(env_id=TASKS["LoadReduction"].id, pretraining={}, total_steps=0)
-    assert arguments["rate_reward"] and not config.env_kwargs["rate_reward"]
-    assert config.env_kwargs["control_dt"] == 0.1
-    assert config.env_kwargs["termination_penalty"] == arguments["termination_penalty"] * arguments["control_dt"]
-
-
 def test_the_linear_optimal_controller_takes_the_place_of_the_published_one_below_the_additions_of_a_task():
     config = TrainingConfig(env_id="wt_gym/FullOperation-v0", pretraining={}, total_steps=0)
     assert config.env_kwargs["controller"] == "linear_optimal+supervisor:averaging=60"

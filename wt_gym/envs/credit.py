@@ -26,7 +26,7 @@ from scipy.signal import lfilter
 
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part
 from wt_gym.envs.credit_kernels import effect_to_come
-from wt_gym.envs.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
+from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.terms import Term
 
 if TYPE_CHECKING:
