@@ -46,7 +46,7 @@ for module in pkgutil.walk_packages(wt_gym.__path__, "wt_gym."):
         importlib.import_module(module.name)
     except ModuleNotFoundError as error:
         lacking.add(error.name)
-print(*sorted(lacking - {"ray", "minari", "optuna"}))
+print(*sorted(lacking - {"minari", "optuna"}))
 """
 USE = """
 from wt_gym.experiment.store import FolderLock
