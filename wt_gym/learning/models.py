@@ -16,8 +16,8 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import LinearSchedule, explained_variance
 
-from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.files import write_whole
+from wt_gym.base.processes import one_blas_thread
 from wt_gym.experiment.policy_arrays import FlatVector, PolicyArrays
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
 from wt_gym.learning.hyperparameters import of_each_copy
