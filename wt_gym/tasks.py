@@ -71,7 +71,7 @@ _FIXED_FRAME = {**_RESIDUAL, "pitch": "fixed-frame", "residual_washout": 15.0, "
 # torque, which no pitch does as well. It sees what disturbs the loads, which no action changes, and what its offsets
 # have done: from disturbances alone a law needs a long memory, from loads alone its loop may become unstable. Offsets
 # reach what linear optimal pitch does, and fade out below rated wind, where they would cost power. Weights price loads
-# as the lifetime cost does, and each action is paid its own effects (`wt_gym.envs.credit`).
+# as the lifetime cost does, with rewards of order one, and each action is paid its own effects (`wt_gym.envs.credit`).
 _OFFSETS: dict[str, Any] = {
     **_FIXED_FRAME,
     "residual_form": "offset",
@@ -86,9 +86,9 @@ _OFFSETS: dict[str, Any] = {
     "sensor_washout": None,
     "control_dt": 0.2,
     "reward": {
-        "blade_fatigue": 1.5, "tower_fore_aft_fatigue": 2.0, "tower_side_side_fatigue": 0.4, "actuator_use": 0.6,
+        "power": 5.0, "blade_fatigue": 7.5, "tower_fore_aft_fatigue": 10.0, "tower_side_side_fatigue": 2.0,
+        "actuator_use": 3.0, "overspeed": 2.0,
     },
-    "rate_reward": True,
     "reward_credit": True,
     "termination_penalty": 1000.0,
 }  # fmt: skip
@@ -250,7 +250,7 @@ TASKS = {
                 "power_reference": ("reserve", "steps", "ramps", "regulation"),
                 "wind_speed": (12.0, 18.0),
                 "observation": ("rotor", "power", "disturbances", "own_response", "offsets", "power_reference"),
-                "reward": {**_OFFSETS["reward"], "power": 0.0, "power_tracking": 0.5, "overspeed": 0.0},
+                "reward": {**_OFFSETS["reward"], "power": 0.0, "power_tracking": 2.5, "overspeed": 0.0},
                 # errors and an emptied rotor cost up to 42 a second, and the discount looks 20 s ahead
                 "termination_penalty": 5000.0,
             },
@@ -291,7 +291,7 @@ TASKS = {
 """Tasks by name."""
 
 
-LINEAR = ("LoadReduction",)
+LINEAR = ("LoadReduction", "IEA15MW-LoadReduction", "IEA22MW-LoadReduction")
 """Tasks with a linear model to learn on, ``wt_gym/<name>-Linear-v0`` (`wt_gym.learning.linear_env`)."""
 
 

@@ -27,14 +27,16 @@ def ids():
     for name in sorted(gym.registry):
         if not name.startswith("wt_gym/"):
             continue
-        spec = gym.spec(name)
-        env = gym.make(name).unwrapped
-        low, high = np.broadcast_to(spec.kwargs.get("wind_speed", speeds), 2)
-        length = (spec.max_episode_steps or env.length.steps) * env.control_dt
+        spec, env = gym.spec(name), gym.make(name).unwrapped
+        modeled = spec.kwargs.get("modeled")  # by a linear model in recorded winds
+        given, step = gym.spec(modeled or name).kwargs, env.layout.control_dt
+        low, high = np.broadcast_to(given.get("wind_speed", speeds), 2)
+        length = (spec.max_episode_steps or env.length.steps) * step
+        wind = f"{'recorded ' if modeled else ''}{_WIND[given['inflow']]}"
         rows.append(
-            (f"`{name}`", f"`{spec.kwargs['turbine']}`", f"{_WIND[spec.kwargs['inflow']]}, {low:g}–{high:g}\u00a0m/s",
+            (f"`{name}`", f"`{given['turbine']}`", f"{wind}, {low:g}–{high:g}\u00a0m/s",
              f"{env.action_space.shape[0]} / {env.observation_space.shape[0]}",
-             f"{length:g}\u00a0s by {env.control_dt:g}\u00a0s")
+             f"{length:g}\u00a0s by {step:g}\u00a0s")
         )  # fmt: skip
     headings = ("id", "turbine", "wind", "actions / observations", "episode by control step")
     goals = table(("task", "goal", "score"), [(f"`{t.id}`", t.goal, t.score) for t in TASKS.values()], "options")

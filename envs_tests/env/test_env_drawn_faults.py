@@ -185,7 +185,7 @@ def test_an_end_costs_more_than_running_with_the_worst_controller_in_every_fault
     env = gym.make("wt_gym/Faults-v1").unwrapped
     for kind in FAULT_KINDS:
         env.reset(seed=0, options={"fault": {"kind": kind, "time": 1.0}})
-        total = sum(env.step(np.full(3, (-1.0) ** (k // 5)))[1] for k in range(600))
+        total = sum(env.step(np.full(3, (-1.0) ** (k // 5)))[1] for k in range(300))
         assert total > -env.limits.penalty
 
 
@@ -195,7 +195,8 @@ def test_a_stopped_turbine_goes_on_and_earns_less_than_one_that_runs(monkeypatch
     returns = []
     for script in ({}, {1.0: {"rotor_speed": 0.0}}):
         monkeypatch.setattr(ScriptedSimulator, "script", script)
-        env = gym.make("wt_gym/Faults-v1", controller="discon+supervisor+yaw", relative_reward=False).unwrapped
+        alone = {"relative_reward": False, "reward_credit": False, "observation": None}
+        env = gym.make("wt_gym/Faults-v1", controller="discon+supervisor+yaw", **alone).unwrapped
         env.reset(seed=0, options={"fault": "none"})
         returns.append(sum(reward for _, reward in play(env, 60)))
     assert returns[1] < returns[0] - 2.0

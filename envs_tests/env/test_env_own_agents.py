@@ -34,7 +34,7 @@ class Hold:
         return self.demand
 
 class Rests:
-    env_kwargs = {"action_mode": "absolute", "observation": ["rotor"]}
+    env_kwargs = {"action_mode": "absolute", "residual_form": "rate", "observation": ["rotor"]}
     def __init__(self, layout, offset=0.0):
         self.size, self.offset = layout.action.size, offset
     def predict(self, observation, state=None, episode_start=None, deterministic=True):
@@ -84,14 +84,15 @@ class Evil:
 
 
 def test_a_controller_of_ones_own_runs_beneath(mine):
-    env = gym.make(RESIDUAL, controller=f"{mine}:Hold:gain=2")
+    env = gym.make(RESIDUAL, controller=f"{mine}:Hold:gain=2", observation=None, reward_credit=False)
     assert turbine_env_of(env).controller.gain == 2
     env.close()
-    agents = {"a": "baseline", "b": f"{mine}:Hold:gain=3", "c": "discon"}
+    own = "discon+side_side_damper+observer"
+    agents = {"a": "baseline", "b": f"{mine}:Hold:gain=3", "c": own, "d": "discon"}
     with AgentExperiment(agents, RESIDUAL, {}) as pool:
         assert turbine_env_of(pool["b"][0]).controller.gain == 3
-        assert pool["a"][0] is pool["c"][0]  # one name for one thing, in one environment
-    with AgentExperiment(agents, STEADY, {}) as pool:
+        assert pool["a"][0] is pool["c"][0] is not pool["d"][0]  # one name for one thing, in one environment
+    with AgentExperiment({"b": agents["b"]}, STEADY, {}) as pool:
         assert pool.agents["b"].controller.gain == 3
 
 
@@ -110,7 +111,7 @@ def test_a_class_with_predict_runs_in_the_environment_that_it_chooses(mine):
 def test_classes_enter_the_benchmark(mine):
     beneath, rests = entries_of([f"{mine}:Hold:gain=2", f"{mine}:Rests"])
     assert (beneath.name, beneath.interface["controller"]) == ("Hold:gain=2", [f"{mine}:Hold", {"gain": 2}])
-    assert rests.interface == {"action_mode": "absolute", "observation": ["rotor"]}
+    assert rests.interface == {"action_mode": "absolute", "residual_form": "rate", "observation": ["rotor"]}
     assert beneath.definition["sha256"] == rests.definition["sha256"]
     assert [entry.name for entry in entries_of(["baseline", "discon", "constant"])] == ["discon", "zero"]
 

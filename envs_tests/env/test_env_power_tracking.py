@@ -222,7 +222,7 @@ def test_a_constant_power_is_the_demand_of_servodyn(tmp_path, compiler):
 
 
 def test_the_task_asks_for_every_kind():
-    env = gym.make(TASKS["PowerTracking"].id, start="steady", relative_reward=False).unwrapped
+    env = gym.make(TASKS["PowerTracking"].id, start="steady").unwrapped
     kinds = set()
     for number in range(24):
         kinds.add(env.starts.draw(np.random.default_rng(number), None, 60.0).drawn["power_reference"].kind)

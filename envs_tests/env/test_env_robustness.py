@@ -105,7 +105,8 @@ def test_runs_are_kept_and_the_same_call_resumes(tmp_path):
     config = EvaluationConfig(TASK, {"start": "steady"}, (Wind(15.0, 1001), Wind(15.0, 1002)), duration=3.0, skip=1.0)
     agents, seen = {"discon": "discon", "still": "zero", "ipc": "ipc"}, [NOMINAL, "gain-high", "delay"]
     conditions = chosen(seen[1:])
-    config = replace(config, env_kwargs={**config.env_kwargs, "controller": "ipc"})
+    ipc = {"controller": "ipc", "observation": None, "reward_credit": False}
+    config = replace(config, env_kwargs=config.env_kwargs | ipc)
     found = run_robustness(agents, config, conditions, folder=tmp_path, progress=False)
     assert found.bases == {"discon": None, "still": "ipc", "ipc": None}
     for name in seen:

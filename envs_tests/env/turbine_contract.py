@@ -9,7 +9,7 @@ from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 PLAIN = {
     "control_dt": 0.2, "observation": None, "sensor_washout": None, "residual_washout": None, "relative_reward": False,
-    "rate_reward": False, "reward_credit": False, "starts": None, "termination_penalty": 120.0,
+    "reward_credit": False, "starts": None, "termination_penalty": 120.0,
 }  # fmt: skip
 """Arguments that give a task of load reduction the step, the observation and the reward of environments without one."""
 

@@ -63,7 +63,6 @@ class Parts:
     limits: Limits
     length: EpisodeLength
     reward_terms: tuple[RewardTerm, ...]
-    reward_unit: float  #: reward of a rate of one over a control step
     control_dt: float
     fidelity: str | Fidelity
     sensors: str  #: "agent" or "all": who reads late, noisy and shifted sensors
@@ -178,7 +177,6 @@ def build(env: Parts, options: EnvOptions) -> None:
     standstill = standstill_limit(limits.standstill, turbine, env.wind.parks)
     env.limits = Limits(turbine.drivetrain.rated_rotor_speed, limits.overspeed, standstill, penalty)
     env.reward_terms = rewards.compose(options.rewards.terms)
-    env.reward_unit = 1.0 if options.rewards.rate else env.control_dt
     env.fidelity = choose_fidelity(turbine, options.fidelity)
     step, count = _inner_steps(env)
     env.length = EpisodeLength(limits.episode_length, env.control_dt)
@@ -273,9 +271,7 @@ def _terms(env: Parts, lidar: LidarTerm, step: float) -> dict[str, Term]:
     if options.rewards.relative:
         terms["twin"] = twin = Twin(_twin(env), env.wind.turbulence_key)
         if options.rewards.credit:
-            terms["credit"] = Credit(
-                twin, env.reward_terms, env.turbine, operation, env.control_dt, env.reward_unit
-            )  # fmt: skip
+            terms["credit"] = Credit(twin, env.reward_terms, env.turbine, operation, env.control_dt)
     if options.dial.weights is not None:
         terms["dial"] = DialTerm(options.dial, [term.name for term in env.reward_terms], operation)
     if env.render_mode is not None:
@@ -318,7 +314,6 @@ def _twin(env: Parts) -> WindTurbineEnv:
         control_dt=env.control_dt, episode_length=None, action_mode="residual", action_components=("pitch",),
         controller=copy.deepcopy(options.controller.base), reward=env.reward_terms, termination_penalty=limits.penalty,
         overspeed_limit=limits.overspeed, standstill_limit=limits.standstill, observation=("rotor",), start="steady",
-        rate_reward=options.rewards.rate,
         **(read if env.sensors == "all" else {}),
     )  # fmt: skip
     twin.operation.make_simulator = env.operation.make_simulator

@@ -110,8 +110,6 @@ class Credit(Term):
     terms : sequence of RewardTerm
     dt : float
         Control step [s].
-    unit : float
-        Reward of a rate of one over a step: the length of the step, or 1 where rewards are rates.
 
     Raises
     ------
@@ -121,16 +119,14 @@ class Credit(Term):
 
     remembered = ("_changes", "_first", "_before")
 
-    def __init__(
-        self, twin: Twin, terms: tuple[RewardTerm, ...], turbine: Turbine, operation: Operation, dt: float, unit: float
-    ):
+    def __init__(self, twin: Twin, terms: tuple[RewardTerm, ...], turbine: Turbine, operation: Operation, dt: float):
         part = linear_part(operation.controller)
         if part is None:
             raise ValueError(
                 "reward_credit needs a base controller with an observer, such as "
                 "controller='discon+side_side_damper+observer', or must be False"
             )
-        self._twin, self._operation, self._unit = twin, operation, unit
+        self._twin, self._operation, self._dt = twin, operation, dt
         self._weights = fatigue_weights(terms)
         self._responses = normalized_responses(part.design, turbine, terms, dt)
         self._times = round(dt / part.design.interval)
@@ -159,6 +155,6 @@ class Credit(Term):
         if "termination" not in terms:
             loads = self._twin.loads(step + 1)
             effect = effect_to_come(loads, self._changes, self._first, self._weights, self._scratch)
-        credit = self._unit * (effect - self._before)
+        credit = self._dt * (effect - self._before)
         self._before = effect
         return reward + credit, terms | {"credit": credit}

@@ -151,10 +151,9 @@ tower base; moments are those behind a high-pass filter of 10 s:
 | actuator_use            | 0.1    | -w mean of abs(rate)/greatest rate of pitch, yaw and torque           |
 | overspeed               | 0.4    | x = (rotor speed / rated - 1.02) / 0.1 where positive                 |
 
-With ``rate_reward`` a step gets the mean rate itself, of order one, in place of its integral. With ``relative_reward``
-what the base controller alone earns in the same wind is taken off. With ``reward_credit`` a step also gets, as the term
-``credit``, what its action does to the fatigue terms of the next 15 s by the model of the observer, less what was
-credited for this step before; the sum over an episode stays (`wt_gym.envs.credit`).
+With ``relative_reward`` what the base controller alone earns in the same wind is taken off. With ``reward_credit`` a
+step also gets, as the term ``credit``, what its action does to the fatigue terms of the next 15 s by the model of the
+observer, less what was credited for this step before; the sum over an episode stays (`wt_gym.envs.credit`).
 
 With a ``power_reference`` the term ``power_tracking`` (weight 0 by default) costs ``w (sqrt(1 + x^2) - 1)`` with x =
 (P - P_demanded) / (0.05 R), and what kinetic energy the rotor ends with less than it began with.

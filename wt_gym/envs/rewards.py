@@ -279,12 +279,9 @@ def worst_rate(terms: Iterable[RewardTerm]) -> float:
     return sum(float(getattr(term, "worst_rate", -term.weight)) for term in terms)
 
 
-def total(
-    terms: Iterable[RewardTerm], transition: Transition, unit: float | None = None
-) -> tuple[float, dict[str, float]]:
-    """Reward of a step, the sum of its terms, and the terms by name, each times a unit, by default the step [s]."""
-    unit = transition.dt if unit is None else unit
-    values = {term.name: float(term(transition)) * unit for term in terms}
+def total(terms: Iterable[RewardTerm], transition: Transition) -> tuple[float, dict[str, float]]:
+    """Reward of a step, the sum of its terms, and the terms by name, each multiplied by the length of the step."""
+    values = {term.name: float(term(transition)) * transition.dt for term in terms}
     return float(sum(values.values())), values
 
 
@@ -307,12 +304,6 @@ class RewardOptions(Options):
         "cache (see ``starts``), unless controller, reward, simulator or wind are yours",
         default=False,
         flat="relative_reward",
-    )
-    rate: bool = option(
-        "Give the mean rate of a step, of order one, in place of its integral over the step: the size that algorithms "
-        "with an entropy term are made for",
-        default=False,
-        flat="rate_reward",
     )
     credit: bool = option(
         "Pay what an action does to the loads of the next 15 s in its own step, by the observer of the base "

@@ -177,7 +177,7 @@ class WindTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray], Stateful, Parts
         )  # fmt: skip
         for follow in self._follows:
             follow(transition)
-        reward, terms = rewards.total(self.reward_terms, transition, self.reward_unit)
+        reward, terms = rewards.total(self.reward_terms, transition)
         clearance = tip_clearance(after)
         ending = self.limits.ending(after, clearance)
         if ending is not None:

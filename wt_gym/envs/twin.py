@@ -189,7 +189,7 @@ class Twin(Term):
 
     def __init__(self, env: WindTurbineEnv, wind_key: tuple[Any, ...]):
         self.env, self._wind_key = env, wind_key
-        self._described = _description(env)
+        self._described, self._rewards = _description(env), len(env.reward_terms)
         self._beginning: Beginning | None = None
         self._simulated: Course | None = None  # in which the environment stands
         self._steps = 0  # that it has made there
@@ -200,7 +200,6 @@ class Twin(Term):
         drawn = {name: one for name, one in beginning.drawn.items() if hasattr(one, "key")}
         self._beginning = replace(beginning, drawn=drawn)
         key, names = self._key(self._beginning), tuple(term.name for term in self.env.reward_terms)
-        self._rewards = len(names)
         if self.lead:
             names += LOADS
         self.course = Course(None, names) if key is None else kept_course(key, names)

@@ -273,7 +273,7 @@ def cached_model(env_id: str, arguments: Mapping[str, Any]) -> LinearModel:
     return model
 
 
-_NO_MATTER = ("env_id", "rate_reward", "reward", "relative_reward", "reward_credit", "start", "starts")
+_NO_MATTER = ("env_id", "reward", "relative_reward", "reward_credit", "start", "starts")
 
 
 class LinearVectorEnv(WindTurbineVectorEnv):
@@ -352,7 +352,7 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         self._changes, self._effects = np.zeros((n, lags, outputs)), np.zeros((n, outputs))
         self._credited, self._rewards = np.zeros(n), np.zeros(n)
         self._now, self._scratch, self._image = np.zeros(outputs), np.zeros(5), np.zeros((lags, len(LOADS)))
-        self._unit = env.reward_unit
+        self._dt = dt
         self._generators = [np.random.default_rng() for _ in range(n)]
         self._seeds: list[int | None] = [None] * n
         self._over = np.ones(n, dtype=np.bool_)
@@ -426,7 +426,7 @@ class LinearVectorEnv(WindTurbineVectorEnv):
             self._now, self._scratch, self._image,
         )  # fmt: skip
         ended = (self._time >= self._end) & ~over
-        rewards = self._unit * self._rewards
+        rewards = self._dt * self._rewards
         self._over[:] = ended
         seen = self._observe()
         final = {}
@@ -467,7 +467,7 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         if self._credited_steps:  # all of it in the step of the action
             out[:, :, 0] = out.sum(2)
             out[:, :, 1:] = 0.0
-        return self._unit * out
+        return self._dt * out
 
     @property
     def effects(self) -> NDArray[np.float64]:

@@ -34,7 +34,6 @@ _ENVIRONMENT: dict[str, Any] = {
     "residual_fade": {"pitch": [math.radians(0.5), math.radians(3.0)], "fine_speed": [0.97, 1.02]},
     "residual_washout": None,
     "sensor_washout": None,
-    "rate_reward": False,
     "reward_credit": False,
 }
 _SPAN = 0.5
@@ -312,9 +311,6 @@ def pretraining_environment(env_id: str, env_kwargs: Mapping[str, Any]) -> dict[
     turbine = load_turbine(turbine) if isinstance(turbine, str) else turbine
     fidelity = fidelity_of(choose_fidelity(turbine, whole.get("fidelity")))
     own["control_dt"] = fidelity.step_for(turbine.drivetrain.rated_rotor_speed)
-    named = registered_arguments(env_id, {})
-    if named.get("rate_reward"):
-        own["termination_penalty"] = named["termination_penalty"] * named["control_dt"]
     limit, rate = default_limits(turbine)
     spans = {"pitch": _SPAN * limit, "pitch_mean": _SPAN * limit, "pitch_rate": rate}
     seen = ["disturbances", "dial"] if whole.get("dial_weights") is not None else ["disturbances"]
