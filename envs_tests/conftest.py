@@ -2,7 +2,7 @@
 
 import pytest
 
-from wt_gym.base.warn_once import forget_warnings
+from wt_gym.base.errors import forget_warnings
 from wt_gym.bridges.compiler import CompilerError, find_compiler
 
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from wt_gym.analysis.metrics import METRICS, run_metrics
-from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.files import shipped_folder
+from wt_gym.base.quantities import AIR_DENSITY
 from wt_gym.control.controllers import COMPILED, CONTROLLERS, lidar_of
 from wt_gym.envs.channels import OBSERVATION_GROUPS
 from wt_gym.experiment.environments import trained_arguments

@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from envs_tests.physics.cases.tools import frequencies
 from envs_tests.physics.refusals import refuses
-from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.quantities import GRAVITY
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.turbine_structure import averaged_over_yaw, build_structure, rotor_nacelle_inertia

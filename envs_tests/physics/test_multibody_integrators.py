@@ -15,8 +15,8 @@ from envs_tests.physics.cases.mechanisms import (
     top_state,
     top_system,
 )
-from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.quantities import GRAVITY
 from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import (

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from envs_tests.physics.cases import rotating_beams
 from envs_tests.physics.refusals import refuses
-from wt_gym.base.constants import GRAVITY
+from wt_gym.base.quantities import GRAVITY
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix
 from wt_gym.multibody.observer_frame.frame import ObserverFrameSystem

@@ -22,7 +22,7 @@ from envs_tests.physics.validation import read_table
 from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, span_distribution
 from wt_gym.aerodynamics.state import sparse_span
 from wt_gym.aerodynamics.wake.wake_kernels import wake_sheets
-from wt_gym.base.constants import GRAVITY
+from wt_gym.base.quantities import GRAVITY
 from wt_gym.simulation import FIDELITIES
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor

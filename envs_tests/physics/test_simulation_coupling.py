@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import simpson
 from scipy.linalg import expm
 
-from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import ActionError, SimulationError
+from wt_gym.base.quantities import GRAVITY
 from wt_gym.experiment.run import run_baseline
 from wt_gym.multibody.tree.tree_kernels import OK
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import ActionError, SimulationError
+from wt_gym.base.quantities import GRAVITY
 from wt_gym.simulation import FIDELITIES, Recorder, Simulator
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, signed_clearance, view_from_tower
 from wt_gym.turbines import load_turbine

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from wt_gym.base.files import remove_partial
-from wt_gym.base.process_memory import peak_memory, resident_memory
+from wt_gym.base.processes import peak_memory, resident_memory
 from wt_gym.commands.program import write_any_character
 
 ROOT = Path(__file__).parents[2]
@@ -46,13 +46,13 @@ for module in pkgutil.walk_packages(wt_gym.__path__, "wt_gym."):
         importlib.import_module(module.name)
     except ModuleNotFoundError as error:
         lacking.add(error.name)
-print(*sorted(lacking - {"ray", "minari", "optuna"}))
+print(*sorted(lacking - {"minari", "optuna"}))
 """
 USE = """
 from wt_gym.experiment.store import FolderLock
 from wt_gym.learning.environments import START_METHOD
 from wt_gym.base.files import remove_partial, write_text_whole
-from wt_gym.base.process_memory import peak_memory, resident_memory
+from wt_gym.base.processes import peak_memory, resident_memory
 import json
 import gymnasium as gym, wt_gym
 

@@ -95,7 +95,6 @@ def test_what_is_not_installed_is_named_with_its_extra(monkeypatch):
 
     for in_clone, name, hint in (
         (True, "optuna", ".venv/bin/pip install -e '.[tune]'"),
-        (True, "ray", ".venv-ray/bin/pip install -c constraints-ray.txt"),
         (False, "minari", "in a clone of the project: pip install '.[data]'"),
     ):
         monkeypatch.setattr(program, "IN_CLONE", in_clone)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from wt_gym.base.angles import wrapped
 from wt_gym.base.errors import ControllerError
+from wt_gym.base.quantities import wrapped
 from wt_gym.control import Demand, LowPass, Notch
 from wt_gym.control.bladed.records import channels_read
 from wt_gym.control.controllers import (

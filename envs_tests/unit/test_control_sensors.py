@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wt_gym.base.angles import wrapped
+from wt_gym.base.quantities import wrapped
 from wt_gym.control import Channel, LowPass, NacelleAnemometer
 from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.envs.layout import ObservationLayout

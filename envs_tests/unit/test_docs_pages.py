@@ -332,15 +332,6 @@ def table_of_the_readme():
     return text, filled(text, {"crosscheck": readme_table.table})
 
 
-@statement
-def what_ray_needs():
-    pins = dict(line.split("==") for line in text_of("constraints-ray.txt").splitlines() if "==" in line)
-    extras = tomllib.loads(text_of("pyproject.toml"))["project"]["optional-dependencies"]
-    assert any(need.startswith("ray[rllib]") for need in extras["ray"])
-    assert {"ray", "torch", "numba", "stable_baselines3"} <= set(pins)
-    return "1.2.2", pins["gymnasium"]  # RLlib's
-
-
 def test_nothing_imports_ray_that_does_not_ask_for_it():
     program = (
         "import sys, wt_gym.learning.train, wt_gym.experiment.evaluation, wt_gym.experiment.execute, "

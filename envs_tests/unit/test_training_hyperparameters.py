@@ -5,10 +5,15 @@ from stable_baselines3.common.utils import LinearSchedule
 
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES
 from wt_gym.learning.environments import make_training_env
-from wt_gym.learning.hyperparameters import ALGORITHMS, hyperparameters_for, of_each_copy, read_hyperparameters
+from wt_gym.learning.hyperparameters import (
+    ALGORITHMS,
+    hyperparameters_for,
+    of_each_copy,
+    read_hyperparameters,
+    replaced,
+)
 from wt_gym.learning.models import make_model
 from wt_gym.learning.options import TrainingConfig
-from wt_gym.learning.search import tried
 from wt_gym.tasks import TASKS
 
 TASK, STEADY = "wt_gym/LoadReduction-v3", "wt_gym/NREL5MW-Steady-v1"
@@ -58,7 +63,7 @@ def test_steps_between_updates_are_shared_by_the_copies_or_counted_for_each(tmp_
     assert of_each_copy(each, 8)["n_steps"] == 64
     sac = hyperparameters_for("SAC", TASK, overrides={"update_every": 16})
     assert [of_each_copy(sac, n)["train_freq"] for n in (1, 8, 100)] == [16, 2, 1]
-    assert tried(TrainingConfig(hyperparameters=each), {"rollout_steps": 512}).resolved.keys() == over_all.keys()
+    assert replaced(TrainingConfig(hyperparameters=each).resolved, {"rollout_steps": 512}).keys() == over_all.keys()
 
 
 @pytest.mark.parametrize(

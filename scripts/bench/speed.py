@@ -29,7 +29,7 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.base.process_memory import peak_memory
+from wt_gym.base.processes import peak_memory
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow

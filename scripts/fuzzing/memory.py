@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 import wt_gym  # noqa: F401 - registers the environments
-from wt_gym.base.process_memory import resident_memory
+from wt_gym.base.processes import resident_memory
 from wt_gym.tasks import DEFAULT_ENV
 
 _SAMPLES = 100

@@ -9,7 +9,7 @@ import numpy as np
 
 from wt_gym.base.errors import WtGymError
 from wt_gym.base.options import Options, option, option_record
-from wt_gym.base.types import Integers
+from wt_gym.base.quantities import Integers
 
 
 class AerodynamicsError(WtGymError, ValueError):

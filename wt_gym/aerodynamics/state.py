@@ -14,7 +14,7 @@ from wt_gym.aerodynamics.induction.tree_induction import RingWork, aligned_zeros
 from wt_gym.aerodynamics.lattice.planform import LatticePlanform, SheddingEdge, bound_segments, separation_tables
 from wt_gym.aerodynamics.options import SEPARATION_LAG, AeroOptions
 from wt_gym.aerodynamics.wake.far_wake_kernels import N_CELL, N_FAR, N_TUBE
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 
 
 class PlanformArrays(NamedTuple):

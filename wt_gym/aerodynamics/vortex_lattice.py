@@ -30,7 +30,7 @@ from wt_gym.aerodynamics.wake.wake_kernels import (
     store_wind,
     wake_sheets,
 )
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 
 
 def ring_velocity(axial: Array, radial: Array, core: float) -> tuple[Array, Array]:

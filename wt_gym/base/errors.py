@@ -1,9 +1,10 @@
-"""Exceptions raised at the doors of wt_gym: each names what was given, what is allowed and where."""
+"""Exceptions raised at the doors of wt_gym, which name what was given, what is allowed and where, and warnings."""
 
 from __future__ import annotations
 
 import difflib
 import re
+import warnings
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -11,11 +12,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ActionError", "BenchmarkError", "ControllerError", "InflowError", "ServerError", "SimulationError",
-    "TurbineDefinitionError", "WtGymError", "did_you_mean", "plain_numbers",
+    "TurbineDefinitionError", "WtGymError", "did_you_mean", "plain_numbers", "warn_once",
 ]  # fmt: skip
 
 _NUMPY_SCALAR = re.compile(r"\bnp\.(?:\w+\(([^()]*)\)|(True|False)_)")
 """Representation of a scalar of NumPy: np.float64(1.0), np.str_('a'), np.True_."""
+_warnings: set[str] = set()
 
 
 class WtGymError(Exception):
@@ -74,3 +76,20 @@ def did_you_mean(name: object, known: Iterable[str], otherwise: str = "") -> str
     names = {one.lower(): one for one in known}
     near = difflib.get_close_matches(str(name).lower(), names, 1)
     return f"; did you mean {names[near[0]]!r}?" if near else otherwise
+
+
+def warn_once(message: str, stacklevel: int = 1) -> None:
+    """Warn, unless the same message has been given in this process.
+
+    Python prints a warning once for each place, and again after any library has changed the filters of warnings. The
+    message names its turbine, so that another turbine has another one; ``stacklevel`` is as of `warnings.warn`, counted
+    from the caller.
+    """
+    if message not in _warnings:
+        warnings.warn(message, stacklevel=stacklevel + 1)
+        _warnings.add(message)  # not where a filter has made an error of it
+
+
+def forget_warnings() -> None:
+    """Give all warnings again, for tests."""
+    _warnings.clear()

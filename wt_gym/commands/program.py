@@ -47,8 +47,6 @@ def _installation(extra: str) -> str:
     """Command that installs an extra, in a clone into its own environment."""
     if not IN_CLONE:
         return f"in a clone of the project: pip install '.[{extra}]'"
-    if extra == "ray":  # its pins are others: an environment of its own, see docs/ray.md
-        return "python3 -m venv .venv-ray && .venv-ray/bin/pip install -c constraints-ray.txt -e '.[ray]'"
     return f".venv/bin/pip install -e '.[{extra}]'"
 
 

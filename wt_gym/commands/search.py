@@ -1,7 +1,6 @@
-"""Search hyperparameters for a training; needs the extra "tune", or with --engine ray the extra "ray".
+"""Search hyperparameters for a training; needs the extra "tune".
 
     wt-gym search --trials 50 --steps 60000 --wind-speed 15 --out runs/search
-    wt-gym search --engine ray --address ray-head:6379 --trials 200 --steps 60000 --out runs/wide
     wt-gym train --hyperparameters runs/search/best.yml --wind-speed 15
 
 Every trial is a training, judged against the baseline controller in held-out winds. The study lives in the
@@ -17,7 +16,7 @@ import sys
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.options import CLUSTER, add_shared
+from wt_gym.commands.options import add_shared
 from wt_gym.commands.program import UNSAFE
 from wt_gym.commands.train import add_training_options, configuration
 
@@ -34,19 +33,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=int, default=60_000, help="of each trial (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of search and trainings (default: %(default)s)")
     add_training_options(parser)
-    add_shared(parser, "out", *CLUSTER, "json", out="runs/search")
+    add_shared(parser, "out", "json", out="runs/search")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Search."""
     from wt_gym.learning.search import BEST_FILE, search
 
-    if arguments.engine == "ray":
-        from wt_gym.learning.rllib import tune_search
-
-        search = partial(tune_search, address=arguments.address)
-    elif arguments.address is not None:
-        raise ValueError("--address belongs to a Ray cluster: give --engine ray too")
     config = configuration(arguments, total_steps=arguments.steps, seed=arguments.seed, tensorboard=False)
     result = search(config, arguments.out, arguments.trials, partial(print, file=sys.stderr, flush=True))
     if result["best"] is not None:

@@ -4,7 +4,6 @@
     wt-gym train --wind-speed 15 --max-seconds 600 --out runs/ppo
     wt-gym train --algo sac --hyper learning_rate=1e-3 net_arch=[128,128] --out runs/sac
     wt-gym train --seeds 0 1 2 3 4 --steps 100000 --out runs/five
-    wt-gym train --engine ray --address ray-head:6379 --n-envs 64 --out runs/rllib
     wt-gym train --pretrain --out runs/pretrained
     wt-gym train --budget pitch_travel=1200 rotor_speed=1.1 --out runs/budget
     wt-gym train --resume runs/ppo --steps 500000
@@ -27,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.options import add_options as add_record
 from wt_gym.base.options import chosen_options, named_value
-from wt_gym.commands.options import CLUSTER, add_shared, environment_of
+from wt_gym.commands.options import add_shared, environment_of
 from wt_gym.commands.program import UNSAFE, user_errors
 from wt_gym.tasks import DEFAULT_ENV
 
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from wt_gym.learning.options import TrainingConfig
-    from wt_gym.learning.train import Learner
 
 EPILOG = UNSAFE
 STOPPED = (
@@ -44,7 +42,7 @@ STOPPED = (
 )
 _NAMES = {"total_steps": "steps", "pretraining": "pretrain", "budgets": "budget"}
 """Options of the command by field of the configuration, where they differ."""
-_WITH_RESUME = {"--resume", "--steps", "--max-seconds", "--json", "--engine", "--address", "--runners"}
+_WITH_RESUME = {"--resume", "--steps", "--max-seconds", "--json"}
 
 
 def add_training_options(parser: argparse.ArgumentParser) -> None:
@@ -103,12 +101,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="train one after another, each in a folder seed-N",
     )  # fmt: skip
     add_record(options, TrainingConfig, "checkpoint_steps", "checkpoint_minutes", "tensorboard")
-    where = parser.add_argument_group("where")
-    add_shared(where, *CLUSTER)
-    where.add_argument(
-        "--runners", type=int, metavar="N", help="with Ray, processes that step the environments, a processor each "
-        "(default: the processors of the cluster, at most --n-envs)",
-    )  # fmt: skip
     add_shared(parser, "json")
 
 
@@ -161,18 +153,6 @@ def configuration(arguments: argparse.Namespace, **fields: Any) -> TrainingConfi
     )
 
 
-def learner_of(arguments: argparse.Namespace) -> Learner | None:
-    """Who learns; None for stable-baselines3 in this process."""
-    if arguments.engine == "ray":
-        from wt_gym.learning.rllib import RllibLearner
-
-        return RllibLearner(arguments.address, arguments.runners)
-    for name in ("address", "runners"):
-        if getattr(arguments, name) is not None:
-            raise ValueError(f"--{name} belongs to a Ray cluster: give --engine ray too")
-    return None
-
-
 def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
     """Train; give the folder and the record, or the summary of several seeds."""
     from wt_gym.learning.seeds import resume_or_train, train_seeds
@@ -180,12 +160,12 @@ def start(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
 
     given, config = vars(arguments), configuration(arguments)
     folder = Path(given.get("out", f"runs/{config.algorithm.lower()}"))
-    seeds, learner = given.get("seeds"), learner_of(arguments)
+    seeds = given.get("seeds")
     if arguments.resume_if_exists:
-        return folder, resume_or_train(config, folder, seeds, learner=learner)
+        return folder, resume_or_train(config, folder, seeds)
     if seeds is not None:
-        return folder, train_seeds(config, folder, seeds, overwrite=arguments.overwrite, learner=learner)
-    return folder, train(config, folder, overwrite=arguments.overwrite, learner=learner)
+        return folder, train_seeds(config, folder, seeds, overwrite=arguments.overwrite)
+    return folder, train(config, folder, overwrite=arguments.overwrite)
 
 
 def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
@@ -197,7 +177,7 @@ def resume_folder(arguments: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
 
     folder = Path(arguments.resume)
     go = resume_seeds if (folder / SEEDS_FILE).exists() else resume
-    return folder, go(folder, **chosen_options(arguments, TrainingConfig), learner=learner_of(arguments))
+    return folder, go(folder, **chosen_options(arguments, TrainingConfig))
 
 
 def report(folder: Path, record: dict[str, Any]) -> None:

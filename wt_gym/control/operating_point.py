@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.quantities import AIR_DENSITY
 from wt_gym.control.design import DesignPoint, design_point, published, rated_mechanical_power, trim_pitch
 from wt_gym.control.rotor import fine_pitch, rotor_of, rotor_table
 from wt_gym.wind.inflow import start_speed

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import expm
 
-from wt_gym.base.angles import wrapped
+from wt_gym.base.quantities import wrapped
 from wt_gym.wind.inflow import velocity_ahead
 
 if TYPE_CHECKING:

@@ -39,8 +39,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import expm
 
-from wt_gym.base.errors import ControllerError
-from wt_gym.base.warn_once import warn_once
+from wt_gym.base.errors import ControllerError, warn_once
 from wt_gym.control.design import rotor_inertia, tower_top
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import did_you_mean
+from wt_gym.base.quantities import GRAVITY
 from wt_gym.control import Channel, NacelleAnemometer, torque_curve
 from wt_gym.control.controllers.additions import yaw_drive_of
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, LoadObserver, linear_part

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.base.angles import wrapped
+from wt_gym.base.quantities import wrapped
 from wt_gym.control.sensors import LowPass
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import ODD, channel_table

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from wt_gym.base.angles import wrapped
 from wt_gym.base.options import Options, as_tuple, option, option_record, shown
+from wt_gym.base.quantities import wrapped
 from wt_gym.control import Lidar
 from wt_gym.control.controllers.tsr_tracking import WindEstimator
 from wt_gym.envs.channels import (

@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.canary import Canary, cached_canary, canary_differences, canary_text
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import write_whole
+from wt_gym.base.processes import one_blas_thread
 from wt_gym.base.user_cache import user_cache
 from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs.power import available_power

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, cast
 
 import gymnasium as gym
 
-from wt_gym.base.constants import DAY
 from wt_gym.base.options import Options, check_whole_steps, not_empty, option, option_record
+from wt_gym.base.quantities import DAY
 from wt_gym.control.controllers.controller import starting_part
 from wt_gym.envs.power import DiscWind
 from wt_gym.envs.terms import Term

@@ -15,9 +15,9 @@ from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import shown
+from wt_gym.base.processes import one_blas_thread
 from wt_gym.envs.manual import describe
 from wt_gym.envs.options import EnvOptions, PlainSpec
 from wt_gym.envs.turbine_env import WindTurbineEnv

@@ -543,8 +543,7 @@ def processors() -> int:
 def warm_nodes(warm: Callable[[], None]) -> None:
     """Call a function once on each machine of the cluster, all at the same time.
 
-    A first step compiles for a minute and more. Twenty workers that start cold compile the same twenty times, and
-    RLlib throws away what a worker has not sampled in a minute.
+    A first step compiles for a minute and more, and twenty workers that start cold compile the same twenty times.
     """
     import ray
     from ray.exceptions import RayTaskError

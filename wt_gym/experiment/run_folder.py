@@ -31,7 +31,6 @@ _FILES = (
 )  # fmt: skip
 _CHECKPOINT_FILES = ("*_steps.zip", "*_steps.pkl")
 _RECORDINGS = "recordings"
-_RLLIB = "rllib-"  # and the steps
 
 
 def seed_folder(folder: Path, seed: int) -> Path:
@@ -65,15 +64,6 @@ class RunFolder(FolderLock):
         self.normalization, self.buffer = self.path / NORMALIZATION_FILE, self.path / _BUFFER_FILE  #: of the model
         self.checkpoints = self.path / _CHECKPOINTS  #: models on the way
         self.tensorboard = self.path / _TENSORBOARD  #: figures
-
-    def rllib(self, steps: int) -> Path:
-        """Folder of RLlib's checkpoint after so many steps."""
-        return self.path / f"{_RLLIB}{steps}"
-
-    def former_checkpoints(self, steps: int) -> list[Path]:
-        """Folders of RLlib's checkpoints but that after so many steps, by their age, the oldest first."""
-        others = [folder for folder in self.path.glob(f"{_RLLIB}*") if folder != self.rllib(steps)]
-        return sorted(others, key=lambda folder: int(folder.name.removeprefix(_RLLIB)))
 
     @property
     def recordings(self) -> Path:
@@ -112,8 +102,6 @@ class RunFolder(FolderLock):
         """Remove what a training left here, and nothing else; folders of single seeds stay."""
         for file in list(self._left()):
             file.unlink()
-        for folder in self.path.glob(f"{_RLLIB}*"):
-            shutil.rmtree(folder)
         for folder in (self.checkpoints, self.tensorboard):
             if folder.is_dir() and not any(folder.iterdir()):
                 folder.rmdir()

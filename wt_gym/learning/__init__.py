@@ -1,1 +1,1 @@
-"""Training of agents, pretraining, identification and linear design, RLlib."""
+"""Training of agents, pretraining, identification and linear design."""

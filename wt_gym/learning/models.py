@@ -16,8 +16,8 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.utils import LinearSchedule, explained_variance
 
-from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.files import write_whole
+from wt_gym.base.processes import one_blas_thread
 from wt_gym.experiment.policy_arrays import FlatVector, PolicyArrays
 from wt_gym.experiment.trained_agent import ALGORITHM_CLASSES, DAMAGE, TrainedAgent
 from wt_gym.learning.hyperparameters import of_each_copy
@@ -238,8 +238,8 @@ def save_replay_buffer(model: BaseAlgorithm, path: Path) -> None:
         write_whole(path, cast("Callable[[BinaryIO], None]", model.save_replay_buffer))
 
 
-def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, buffered: bool = True) -> BaseAlgorithm:
-    """Model as a training left it, with statistics, optimizer and, where ``buffered``, replay buffer, to resume it.
+def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder) -> BaseAlgorithm:
+    """Model as a training left it, with statistics, optimizer and replay buffer, to resume it.
 
     The environments get the statistics, and seeds by training seed and steps, so that they do not repeat their first
     episodes. Errors: a `FileNotFoundError` for a missing file, a `ValueError` for a damaged one or one that does not
@@ -256,8 +256,16 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, bu
         model.set_env(venv)
     except (AssertionError, ValueError) as error:
         raise ValueError(f"the model in {folder.path} does not fit the environment: {error}") from error
-    if buffered and isinstance(model, OffPolicyAlgorithm):
-        model.replay_buffer = buffer = read_replay_buffer(folder.buffer)
+    if isinstance(model, OffPolicyAlgorithm):
+        if not folder.buffer.is_file():
+            raise FileNotFoundError(f"{folder.buffer} is missing: resuming a training requires its replay buffer")
+        try:
+            with folder.buffer.open("rb") as file:
+                model.replay_buffer = buffer = pickle.load(file)
+        except DAMAGE as error:
+            raise ValueError(
+                f"the replay buffer {folder.buffer} is damaged: {type(error).__name__}: {error}"
+            ) from error
         if not isinstance(buffer, ReplayBuffer) or buffer.n_envs != venv.num_envs:
             raise ValueError(
                 f"{folder.buffer} must hold a replay buffer for {venv.num_envs} environments, got "
@@ -265,14 +273,3 @@ def load_model(config: TrainingConfig, venv: VecNormalize, folder: RunFolder, bu
             )
     model.set_random_seed(int(np.random.SeedSequence((config.seed, model.num_timesteps)).generate_state(1)[0] >> 1))
     return model
-
-
-def read_replay_buffer(path: Path) -> Any:
-    """Replay buffer of an earlier session, pickled as every model here."""
-    if not path.is_file():
-        raise FileNotFoundError(f"{path} is missing: resuming a training requires its replay buffer")
-    try:
-        with path.open("rb") as file:
-            return pickle.load(file)
-    except DAMAGE as error:
-        raise ValueError(f"the replay buffer {path} is damaged: {type(error).__name__}: {error}") from error

@@ -20,7 +20,7 @@ import numpy as np
 import torch
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
-from wt_gym.base.constants import DAY
+from wt_gym.base.quantities import DAY
 from wt_gym.deployment.export.policy import network_of
 from wt_gym.envs.dial import DIAL_NAMES, dial_of, scaled
 from wt_gym.envs.options import wind_files_of

@@ -98,9 +98,9 @@ class _Interrupted(Exception):
     """Somebody asked to stop in the middle of a trial."""
 
 
-def claim(folder: Path, config: TrainingConfig, **fixed: Any) -> None:
-    """Write the plan of a search, with further fixed JSON values, into a folder; refuse another search in it."""
-    file, given = folder / _PLAN, json_values(fixed | asdict(config.with_hyperparameters()))
+def _claim(folder: Path, config: TrainingConfig) -> None:
+    """Write the plan of a search into a folder; refuse another search in it."""
+    file, given = folder / _PLAN, json_values(asdict(config.with_hyperparameters()))
     if file.exists():
         before = json.loads(file.read_text(encoding="utf-8"))
         if changed := [name for name in given if before.get(name) != given[name]]:
@@ -110,36 +110,10 @@ def claim(folder: Path, config: TrainingConfig, **fixed: Any) -> None:
     write_text_whole(file, json.dumps(given, indent=1) + "\n")
 
 
-def check_search(config: TrainingConfig, trials: int) -> None:
-    """Refuse a search that has nothing to try or nothing to compare."""
-    if not 1 <= trials <= 100_000:
-        raise ValueError(f"the number of trials must be from 1 to 100000, got {trials}")
-    if not config.eval_every:
-        raise ValueError("eval_every of a search must be above 0, which compares evaluations; got 0")
-
-
-def present_keys(config: TrainingConfig) -> dict[str, Any]:
+def _present_keys(config: TrainingConfig) -> dict[str, Any]:
     """First trial of a search: the present hyperparameters, where they lie in the search space, as Optuna has them."""
     keys = {name: part.key(config.resolved.get(name)) for name, part in SPACES[config.algorithm].items()}
     return {name: key for name, key in keys.items() if key is not None}
-
-
-def tried(config: TrainingConfig, hyperparameters: dict[str, Any]) -> TrainingConfig:
-    """Configuration of a trial."""
-    return replace(config, hyperparameters=replaced(config.resolved, hyperparameters))
-
-
-def write_best(
-    config: TrainingConfig, folder: Path, hyperparameters: dict[str, Any], value: float, ended: int
-) -> dict[str, Any]:
-    """Write the hyperparameters of the best trial as training takes them, and return them."""
-    values: dict[str, Any] = json_values(replaced(config.resolved, hyperparameters))
-    text = (
-        f"# {config.algorithm}: best of {ended} trials of {config.total_steps} steps, return against the baseline's "
-        f"{value:+.2f}\n" + yaml.safe_dump({config.env_id: values}, sort_keys=False, default_flow_style=None)
-    )
-    write_text_whole(folder / BEST_FILE, text)
-    return values
 
 
 def search(
@@ -169,10 +143,13 @@ def search(
     """
     import optuna  # in the extra "tune"
 
-    check_search(config, trials)
+    if not 1 <= trials <= 100_000:
+        raise ValueError(f"the number of trials must be from 1 to 100000, got {trials}")
+    if not config.eval_every:
+        raise ValueError("eval_every of a search must be above 0, which compares evaluations; got 0")
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     with RunFolder(folder) as run, stop_on_signals() as stop:
-        claim(run.path, config)
+        _claim(run.path, config)
         study = optuna.create_study(
             storage=f"sqlite:///{(run.path / _STORAGE).absolute()}",
             study_name="search",
@@ -182,7 +159,7 @@ def search(
             load_if_exists=True,
         )
         if not _ended(study):
-            study.enqueue_trial(present_keys(config))
+            study.enqueue_trial(_present_keys(config))
 
         def note(study: optuna.Study, trial: optuna.trial.FrozenTrial) -> None:
             if progress is not None:
@@ -200,19 +177,14 @@ def search(
                 callbacks=[note],
             )
         best = _write_best(study, config, run.path)
-        return search_result(_ended(study), trials, stop.name, best, study.best_value if best else None)
-
-
-def search_result(ended: int, trials: int, stopped_by: str | None, best: Any, value: float | None) -> dict[str, Any]:
-    """Result of a search after some of its trials have ended."""
-    whole = ended >= trials
-    return {
-        "status": "finished" if whole else "interrupted",
-        "stopped_by": None if whole else stopped_by,
-        "best": best,
-        "value": value,
-        "trials": ended,
-    }
+        ended = _ended(study)
+        return {
+            "status": "finished" if ended >= trials else "interrupted",
+            "stopped_by": None if ended >= trials else stop.name,
+            "best": best,
+            "value": study.best_value if best else None,
+            "trials": ended,
+        }
 
 
 def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: StopRequest) -> float:
@@ -223,7 +195,8 @@ def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: 
         trial.report(figures["episode_return"], steps)
         return not trial.should_prune()
 
-    its_config = tried(config, _hyperparameters(trial, config.algorithm))
+    found = replaced(config.resolved, _hyperparameters(trial, config.algorithm))
+    its_config = replace(config, hyperparameters=found)
     record = train(
         its_config, folder / f"trial-{trial.number}", on_evaluation=keep, overwrite=True, progress=False, stop=stop
     )
@@ -248,5 +221,11 @@ def _write_best(study: optuna.Study, config: TrainingConfig, folder: Path) -> di
     """Write the hyperparameters of the best trial as training takes them; None before there is one."""
     if not any(trial.state.name == "COMPLETE" for trial in study.trials):
         return None
-    best = _hyperparameters(study.best_trial, config.algorithm)
-    return write_best(config, folder, best, study.best_value, _ended(study))
+    best: dict[str, Any] = json_values(replaced(config.resolved, _hyperparameters(study.best_trial, config.algorithm)))
+    text = (
+        f"# {config.algorithm}: best of {_ended(study)} trials of {config.total_steps} steps, return against the "
+        f"baseline's {study.best_value:+.2f}\n"
+        + yaml.safe_dump({config.env_id: best}, sort_keys=False, default_flow_style=None)
+    )
+    write_text_whole(folder / BEST_FILE, text)
+    return best

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from wt_gym.learning.callbacks import StopRequest
-    from wt_gym.learning.train import Learner
 
 
 _RECENT = 10  # episodes
@@ -32,7 +31,6 @@ def train_seeds(
     *,
     overwrite: bool = False,
     progress: bool = True,
-    learner: Learner | None = None,
 ) -> dict[str, Any]:
     """Train with every seed instead of that of the configuration, each in a folder ``seed-<n>``.
 
@@ -40,7 +38,7 @@ def train_seeds(
     ----------
     folder : str or path
         Gets the folders and ``seeds.json``: seeds, configuration and, in the end, the summary.
-    overwrite, progress, learner
+    overwrite, progress
         As `wt_gym.learning.train.train`.
 
     Returns
@@ -60,8 +58,7 @@ def train_seeds(
         plan = {"seeds": seeds, "config": asdict(config.with_hyperparameters())}
         _write(folder, plan)
         records = (
-            train(c, seed_folder(folder, c.seed), overwrite=overwrite, progress=progress, stop=stop, learner=learner)
-            for c in configs
+            train(c, seed_folder(folder, c.seed), overwrite=overwrite, progress=progress, stop=stop) for c in configs
         )
         return _collect(folder, plan, seeds, records, stop)
 
@@ -72,7 +69,6 @@ def resume_seeds(
     total_steps: int | None = None,
     max_seconds: float | None = None,
     progress: bool = True,
-    learner: Learner | None = None,
 ) -> dict[str, Any]:
     """Resume `train_seeds` where it was stopped: with the seed it was at, then with those that have not begun.
 
@@ -86,11 +82,10 @@ def resume_seeds(
 
     def resume_seed(seed: int, stop: StopRequest) -> dict[str, Any]:
         run = RunFolder(seed_folder(folder, seed))
-        more: dict[str, Any] = {"progress": progress, "stop": stop, "learner": learner}
         record = run.record() if run.model.exists() else {}  # none: stopped by force before anything was saved
         if config.continues(record.get("config")):
-            return _continued(config, run, record, **more)
-        return train(replace(config, seed=seed), run.path, overwrite=True, **more)
+            return _continued(config, run, record, progress=progress, stop=stop)
+        return train(replace(config, seed=seed), run.path, overwrite=True, progress=progress, stop=stop)
 
     with RunFolder(folder), stop_on_signals() as stop:
         _write(folder, plan)  # the next one to resume has these limits, however this ends
@@ -147,17 +142,13 @@ def _collect(
     return summary
 
 
-def resume_or_train(
-    config: TrainingConfig, folder: str | Path, seeds: Sequence[int] | None = None, *, learner: Learner | None = None
-) -> dict[str, Any]:
+def resume_or_train(config: TrainingConfig, folder: str | Path, seeds: Sequence[int] | None = None) -> dict[str, Any]:
     """Train, or resume where the folder holds this training already; a ValueError where it holds another one.
 
     Parameters
     ----------
     seeds : sequence of int, optional
         Train with each of them; by default with that of the configuration.
-    learner : Learner, optional
-        As of `wt_gym.learning.train.train`.
 
     Returns
     -------
@@ -167,24 +158,24 @@ def resume_or_train(
     folder = Path(folder)
     if seeds is not None:
         if not (folder / SEEDS_FILE).is_file():
-            return train_seeds(config, folder, seeds, learner=learner)
+            return train_seeds(config, folder, seeds)
         plan = read_plan(folder)
         _refuse_other(config, plan["config"], folder)
         if plan["seeds"] != list(seeds):
             raise ValueError(f"the seeds must be {plan['seeds']}, those of the training in {folder}; got {list(seeds)}")
-        return resume_seeds(folder, total_steps=config.total_steps, max_seconds=config.max_seconds, learner=learner)
+        return resume_seeds(folder, total_steps=config.total_steps, max_seconds=config.max_seconds)
     if (folder / SEEDS_FILE).is_file():
         raise ValueError(f"{folder} holds a training with the seeds {read_plan(folder)['seeds']}: give --seeds")
     run = RunFolder(folder)
     if not run.model.is_file():  # nothing, or stopped by force before anything was saved
-        return train(config, folder, overwrite=run.used, learner=learner)
+        return train(config, folder, overwrite=run.used)
     record = run.record()
     _refuse_other(config, record.get("config"), folder)
     if record["config"]["seed"] != config.seed:
         raise ValueError(
             f"the seed must be {record['config']['seed']}, that of the training in {folder}; got {config.seed}"
         )
-    return _continued(config, run, record, learner=learner)
+    return _continued(config, run, record)
 
 
 def _continued(config: TrainingConfig, run: RunFolder, record: dict[str, Any], **more: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Training with stable-baselines3, sb3-contrib or RLlib: PPO, SAC and TQC, to be stopped, resumed and repeated."""
+"""Training with stable-baselines3 and sb3-contrib: PPO, SAC and TQC, to be stopped, resumed and repeated."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ import os
 import sys
 import time
 from contextlib import closing
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import torch
-from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.logger import Logger, configure
 from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 
@@ -37,7 +36,7 @@ from wt_gym.learning.models import load_model, make_model, save_model, save_repl
 from wt_gym.learning.options import PretrainingOptions, TrainingConfig
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
     from pathlib import Path
 
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -46,42 +45,11 @@ if TYPE_CHECKING:
 
     from wt_gym.learning.callbacks import StopRequest
 
-__all__ = ["Learner", "resume", "train"]
+__all__ = ["resume", "train"]
 
+_PACKAGES = ("stable-baselines3", "sb3-contrib", "torch", "gymnasium")  # the record names their versions
 _CURVE = ("steps", "episode_return", "episode_length")
 _EVALUATION_CURVE = ("steps", *FIGURES)
-
-
-class Learner:
-    """Takes the steps of a training and improves its model: stable-baselines3 in this process.
-
-    Attributes
-    ----------
-    engine : str
-        Of `wt_gym.experiment.execute.ENGINES`.
-    packages : tuple of str
-        The record names their versions.
-    samples_here : bool
-        The environments of this process are stepped; otherwise one stands for all, and no callback sees single steps.
-    """
-
-    engine = "local"
-    packages: tuple[str, ...] = ("stable-baselines3", "sb3-contrib", "torch", "gymnasium")
-    samples_here = True
-
-    def check(self, config: TrainingConfig) -> None:
-        """Refuse a configuration that this learner does not support, by a ValueError; this one supports all."""
-
-    def learn(
-        self, config: TrainingConfig, model: BaseAlgorithm, run: RunFolder, callbacks: Sequence[BaseCallback]
-    ) -> None:
-        """Learn until the steps of the configuration are done or a callback says no."""
-        steps = config.total_steps - model.num_timesteps
-        model.learn(steps, callback=CallbackList(list(callbacks)), reset_num_timesteps=False)
-
-    def save(self, model: BaseAlgorithm, run: RunFolder) -> None:
-        """Write what resuming needs beside model and statistics."""
-        save_replay_buffer(model, run.buffer)
 
 
 def train(
@@ -92,7 +60,6 @@ def train(
     overwrite: bool = False,
     on_evaluation: Callable[[int, dict[str, Any]], bool] | None = None,
     stop: StopRequest | None = None,
-    learner: Learner | None = None,
 ) -> dict[str, Any]:
     """Train a policy.
 
@@ -112,8 +79,6 @@ def train(
         Called with steps and figures after every evaluation; training stops where it gives False.
     stop : StopRequest, optional
         Looked at after every step; default: one that SIGINT and SIGTERM set.
-    learner : Learner, optional
-        Default: stable-baselines3 in this process.
 
     Returns
     -------
@@ -127,13 +92,12 @@ def train(
     ValueError
         If the folder holds a training already or another process trains in it, or the environment cannot be made.
     """
-    config, learner = config.with_hyperparameters(), learner or Learner()
-    learner.check(config)
+    config = config.with_hyperparameters()
     with RunFolder(folder) as run:
         run.refuse_used(overwrite)
-        with closing(_environments(config, learner)) as venv:
+        with closing(make_training_env(config)) as venv:
             model = make_model(config, venv)
-            session = _Session(config, run, venv, model, {}, on_evaluation, learner)
+            session = _Session(config, run, venv, model, {}, on_evaluation)
             run.clear()  # nothing can be refused any more
             if config.pretraining is not None:
                 session.pretrain(progress, stop)
@@ -149,7 +113,6 @@ def resume(
     max_seconds: float | None = None,
     progress: bool = True,
     stop: StopRequest | None = None,
-    learner: Learner | None = None,
 ) -> dict[str, Any]:
     """Resume a training that was stopped, or is to have more steps.
 
@@ -163,8 +126,8 @@ def resume(
         Altogether; default: as before.
     max_seconds : float, optional
         From now on; default: as before.
-    progress, stop, learner
-        As of `train`; the learner is of the engine that the training began with.
+    progress, stop
+        As of `train`.
 
     Returns
     -------
@@ -176,38 +139,26 @@ def resume(
     FileNotFoundError
         If the folder holds no training.
     ValueError
-        If the training is finished and has done its steps, began with another engine, or a file is damaged.
+        If the training is finished and has done its steps, or a file is damaged.
     """
-    learner = learner or Learner()
     RunFolder(folder).record()  # before the lock makes a folder
     with RunFolder(folder) as run:
         record = run.record()
         config = TrainingConfig(**TrainingConfig.named(record.get("config"))).limited(total_steps, max_seconds)
-        if (engine := record.get("engine")) != learner.engine:
-            raise ValueError(
-                f"the engine of the training in {run.path} must be {engine}, got {learner.engine}: resume with "
-                f"--engine {engine}"
-            )
-        learner.check(config)
         arguments, before = resolved_arguments(config.env_id, config.env_kwargs), trained_arguments(record)
         if differing := [name for name in {**before, **arguments} if before.get(name) != arguments.get(name)]:
             raise ValueError(
                 f"{config.env_id} has other arguments now than when the training in {run.path} began: "
                 f"{', '.join(differing)}; start a new one, or give those of then by --env-kwargs"
             )
-        with closing(_environments(config, learner)) as venv:
-            model = load_model(config, venv, run, buffered=learner.samples_here)
+        with closing(make_training_env(config)) as venv:
+            model = load_model(config, venv, run)
             # one that was stopped at its last step still lacks its last evaluation: that is made up for
             if model.num_timesteps >= config.total_steps and record.get("status") == "finished":
                 raise ValueError(
                     f"the training in {run.path} has done its {config.total_steps} steps: give it more to resume"
                 )
-            return _Session(config, run, venv, model, record, None, learner).learn(progress, stop)
-
-
-def _environments(config: TrainingConfig, learner: Learner) -> VecNormalize:
-    """Environments to train on; where others are stepped, one that says what they are like."""
-    return make_training_env(config if learner.samples_here else replace(config, n_envs=1))
+            return _Session(config, run, venv, model, record, None).learn(progress, stop)
 
 
 class _Session:
@@ -221,9 +172,7 @@ class _Session:
         model: BaseAlgorithm,
         before: dict[str, Any],
         on_evaluation: Callable[[int, dict[str, Any]], bool] | None,
-        learner: Learner,
     ):
-        self._learner = learner
         self._config, self._run, self._model = config, run, model
         # The networks are small: more threads only take time from the simulations.
         torch.set_num_threads(1)
@@ -280,14 +229,13 @@ class _Session:
         config, model = self._config, self._model
         with stop_on_signals(stop) as self._stop, closing(self._logger()):
             self._watch = Watch(config, self._layout.control_dt, self._curve, self._stop, progress)
-            figures = EpisodeFigures() if self._learner.samples_here else None
             checkpoints = Checkpoints(config.checkpoint_steps, config.checkpoint_minutes, self._checkpoint)
-            every = (self._watch, figures, self._budgets, self._evaluations, checkpoints)
+            every = (self._watch, EpisodeFigures(), self._budgets, self._evaluations, checkpoints)
             callbacks: list[BaseCallback] = [callback for callback in every if callback is not None]
             self._run.write_record(self._record("running"))
             # no step needs no episode, and the first one may take minutes to begin
             if config.total_steps > 0 or self._evaluations is not None:
-                self._learner.learn(config, model, self._run, callbacks)
+                model.learn(config.total_steps - model.num_timesteps, callbacks, reset_num_timesteps=False)
             self._watch.finish()
             status = self._watch.ended
             if status == "finished" and model.num_timesteps < config.total_steps:
@@ -308,7 +256,7 @@ class _Session:
 
     def _save(self, record: dict[str, Any]) -> None:
         """Write all that resuming needs."""
-        self._learner.save(self._model, self._run)
+        save_replay_buffer(self._model, self._run.buffer)
         save_model(self._model, self._run.model, self._run.normalization)
         self._run.write_record(record)
 
@@ -330,7 +278,6 @@ class _Session:
         session = {"from_step": self._first_step, "to_step": steps, "seconds": seconds, "status": status}
         return {
             "algorithm": config.algorithm,
-            "engine": self._learner.engine,
             "status": status,
             "stopped_by": self._stop.name if status == "interrupted" else None,
             "steps": steps,
@@ -342,7 +289,7 @@ class _Session:
             "normalized": config.resolved["normalize_observations"],
             "wind_seeds": self._wind_seeds(),
             "wt_gym": wt_gym.__version__,
-            "versions": {name: version(name) for name in self._learner.packages},
+            "versions": {name: version(name) for name in _PACKAGES},
             "config": asdict(config),
             "environment": resolved_arguments(config.env_id, config.env_kwargs),
             "pretraining": self._pretraining,

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import WtGymError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.structure.flexible_body import FlexibleBody
 

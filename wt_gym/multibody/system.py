@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from wt_gym.base.compiled import compiled_for
-from wt_gym.base.constants import GRAVITY
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import GRAVITY, Array, Integers
 from wt_gym.multibody.arrays import (
     FAILURES,
     Inputs,
@@ -49,7 +48,7 @@ class MultibodySystem:
     Parameters
     ----------
     gravity : array (3,)
-        [m/s²], by default straight down with :data:`wt_gym.base.constants.GRAVITY`.
+        [m/s²], by default straight down with :data:`wt_gym.base.quantities.GRAVITY`.
     stabilization : float
         Baumgarte's α = β [1/s]: constraint errors decay like exp(−α t). Explicit schemes need α h < 1.29 (0.87 with one
         corrector pass, 0.72 with two).

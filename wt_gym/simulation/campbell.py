@@ -19,7 +19,7 @@ from scipy.optimize import isotonic_regression, linear_sum_assignment
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import whole_file
 from wt_gym.base.picture_style import BLUE, GREEN, INK, ORANGE, baseline, plain
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.simulation.linearization import linearize
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.turbines.variants import REFLECTION, REFLECTION_6
 
 

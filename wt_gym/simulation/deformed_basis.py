@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.arrays import History, Points, Work
 from wt_gym.simulation.models import TurbineModels
 from wt_gym.simulation.turbine_structure import bending_dofs, body_points

@@ -30,10 +30,9 @@ from typing import Any
 import numpy as np
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
-from wt_gym.base.errors import SimulationError, did_you_mean
+from wt_gym.base.errors import SimulationError, did_you_mean, warn_once
 from wt_gym.base.options import Options, option, option_record, shown
-from wt_gym.base.types import Array
-from wt_gym.base.warn_once import warn_once
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
 from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, STARTERS, IntegratorEntry, SchemeSettings
 from wt_gym.multibody.integrators.stability import GROWTH, predicted_growth

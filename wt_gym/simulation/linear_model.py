@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.simulation.channels import Signals, channel_table
 
 _PARTS = ("collective", "cosine", "sine")

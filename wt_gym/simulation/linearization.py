@@ -35,7 +35,7 @@ from wt_gym.aerodynamics import AeroState
 from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.aerodynamics.wake.wake_kernels import velocity_behind_disc
 from wt_gym.base.errors import SimulationError, did_you_mean
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.channels import channel_table, parities, state_parities
 from wt_gym.simulation.contract import SimulatorState

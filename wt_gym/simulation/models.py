@@ -21,9 +21,9 @@ from wt_gym.aerodynamics import (
 )
 from wt_gym.aerodynamics.lattice.planform import LatticePlanform
 from wt_gym.aerodynamics.options import AeroOptions
-from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.types import Array
+from wt_gym.base.processes import one_blas_thread
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.multibody.system import MultibodySystem
 from wt_gym.simulation.fidelity import Fidelity

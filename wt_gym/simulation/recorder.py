@@ -15,7 +15,7 @@ import numpy as np
 
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import write_netcdf_whole, write_text_whole, write_whole
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.simulation.contract import TurbineSimulator
 

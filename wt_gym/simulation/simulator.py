@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.aerodynamics.options import AerodynamicsError
 from wt_gym.base.errors import ActionError, InflowError, SimulationError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.arrays import Drift, MultibodyError
 from wt_gym.multibody.system import check_state
 from wt_gym.multibody.tree.point_kernels import point_motion

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.multibody.arrays import Inputs, MultibodyError, Work
 from wt_gym.multibody.integrators.schemes import INTEGRATORS
 from wt_gym.multibody.system import MultibodySystem

@@ -20,7 +20,7 @@ from typing import NamedTuple, TypedDict
 import numpy as np
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.multibody.arrays import Points
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.simulation.fidelity import Fidelity

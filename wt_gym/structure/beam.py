@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wt_gym.base.options import option, option_record
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.turbines.blade import BeamStations, inertia_matrix, interpolate
 
 N_GAUSS = 4  # exact for the cubic displacement times linear mass of a uniform element

@@ -24,7 +24,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.structure.beam import Beam, SecondOrderField, skew
 
 

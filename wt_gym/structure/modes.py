@@ -29,7 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.structure import eigen_kernels
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.flexible_body import FlexibleBody, shape_damping

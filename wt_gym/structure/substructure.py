@@ -20,7 +20,7 @@ from typing import Protocol, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody, Marker, offset_marker
 from wt_gym.structure.modes import ALL_DOFS, lowest_modes, nodal_basis

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from wt_gym.base.attached_flow import attached_lift
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.options import option, option_record
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.turbines.checks import ArrayRecord, fail
 
 CAMBER_POINTS = 61

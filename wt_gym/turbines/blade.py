@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.options import option, option_record
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation, blend_polars
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_span, check_symmetric, fail
 

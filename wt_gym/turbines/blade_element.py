@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines.airfoil import Airfoil, Polar, contour_of, cosine_grid
 from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z, shear_rigid_stiffness

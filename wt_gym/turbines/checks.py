@@ -8,7 +8,7 @@ import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.options import Option, Options, shown
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 
 
 def fail(field: str, value: Any, allowed: str) -> TurbineDefinitionError:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.base.options import option, option_record
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.turbines.airfoil import RotationalAugmentation
 from wt_gym.turbines.blade import BeamStations, Blade, BladeIce
 from wt_gym.turbines.checks import ArrayRecord, check_number, check_span, check_symmetric, fail

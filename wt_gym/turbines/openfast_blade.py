@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.turbines.airfoil import Airfoil, Polar, blend_polars, camber_line, contour_of, cosine_grid, suction_first
 from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, shear_rigid_stiffness, turned
 from wt_gym.turbines.checks import check_array, check_number, fail

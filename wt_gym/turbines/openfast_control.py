@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.turbines.checks import check_number
 from wt_gym.turbines.model import ControlData
 from wt_gym.turbines.openfast_text import Model, TextFile, as_number

@@ -18,7 +18,7 @@ import numpy as np
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.base.files import decoded_text
 from wt_gym.base.options import shown
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.turbines.checks import fail
 
 _TOKEN = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;!]+")

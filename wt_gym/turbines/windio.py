@@ -24,9 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from wt_gym.base.constants import AIR_DENSITY
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import AIR_DENSITY, Array
 from wt_gym.turbines.blade import BeamStations, inertia_matrix, shear_rigid_stiffness
 from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import ControlData, Support, Tower, Turbine

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.turbines.airfoil import (
     DRAG_ALLOWED,
     Airfoil,

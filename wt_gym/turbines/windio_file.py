@@ -30,7 +30,7 @@ import numpy as np
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.files import write_text_whole
 from wt_gym.base.options import shown
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
 from wt_gym.turbines.checks import check_array, check_number, fail
 from wt_gym.turbines.windio_layouts import adopt_layout, to_version_2

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.turbines.blade import Blade
 from wt_gym.turbines.checks import fail
 from wt_gym.turbines.model import Drivetrain, Hub, Nacelle, PitchSystem

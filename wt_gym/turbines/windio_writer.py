@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from wt_gym.base.files import write_text_whole
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.turbines.airfoil import Airfoil
 from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, rotation_about_z
 from wt_gym.turbines.checks import fail

@@ -55,7 +55,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wt_gym.base.errors import InflowError, did_you_mean
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.wind.inflow import POSITIVE, Inflow, require_number
 from wt_gym.wind.series import SeriesInflow, read_csv, read_uniform
 from wt_gym.wind.steady import SteadyInflow

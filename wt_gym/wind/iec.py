@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 
 from wt_gym.base.errors import InflowError, did_you_mean
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.wind.inflow import POSITIVE, PointInflow, check_flag, check_numbers, require_number
 from wt_gym.wind.inflow_kernels import transient_velocity
 from wt_gym.wind.steady import SteadyInflow

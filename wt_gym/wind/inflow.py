@@ -13,7 +13,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import InflowError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 
 _N_RINGS = 8
 _N_AZIMUTHS = 24

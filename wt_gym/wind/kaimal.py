@@ -54,9 +54,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.base.blas_threads import one_blas_thread
 from wt_gym.base.errors import InflowError
-from wt_gym.base.types import Array
+from wt_gym.base.processes import one_blas_thread
+from wt_gym.base.quantities import Array
 from wt_gym.wind.coherence_kernels import parity_block
 from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.inflow import POSITIVE, check_numbers, fill_in

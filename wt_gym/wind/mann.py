@@ -44,7 +44,7 @@ import scipy.interpolate
 import scipy.special
 from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.wind.iec import length_scale, turbulence_sigma
 from wt_gym.wind.inflow import POSITIVE, check_numbers, fill_in
 from wt_gym.wind.kaimal import BoxParameters, sample_gain, variance_read

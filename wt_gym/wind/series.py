@@ -28,7 +28,7 @@ import numpy as np
 
 from wt_gym.base.errors import InflowError, did_you_mean
 from wt_gym.base.files import decoded_text
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.wind.inflow import POSITIVE, PointInflow, check_flag, check_numbers, require_number, set_read_only
 from wt_gym.wind.inflow_kernels import series_velocity
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from wt_gym.base.errors import InflowError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.wind.inflow import POSITIVE, PointInflow, check_numbers
 from wt_gym.wind.inflow_kernels import mean_velocity
 

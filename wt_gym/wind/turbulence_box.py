@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import InflowError
 from wt_gym.base.files import write_whole
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
 from wt_gym.wind.inflow import POSITIVE, check_numbers, fill_in, require_number, set_read_only
 from wt_gym.wind.kaimal import BoxParameters, KaimalParameters

@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike
 from scipy import fft
 
 from wt_gym.base.errors import InflowError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.wind.iec import length_scale
 from wt_gym.wind.inflow import PointInflow, check_numbers, fill_in, set_read_only
 from wt_gym.wind.inflow_kernels import add_tower_points, mean_velocity, turbulent_velocity

@@ -12,7 +12,7 @@ from scipy.special import ellipj, ellipk
 
 from envs_tests.physics.cases.tools import upward_crossings
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
-from wt_gym.base.constants import GRAVITY
+from wt_gym.base.quantities import GRAVITY
 from wt_gym.multibody.integrators.schemes import HammingIntegrator, make_integrator
 from wt_gym.multibody.integrators.stability import hamming_matrix
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem

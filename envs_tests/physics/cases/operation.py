@@ -11,7 +11,7 @@ from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case, read_table, worst
 from wt_gym.analysis.metrics import damage_equivalent_load
 from wt_gym.analysis.results import Wind
-from wt_gym.base.constants import GRAVITY
+from wt_gym.base.quantities import GRAVITY
 from wt_gym.control import Demand
 from wt_gym.control.controllers import WindEstimator, checked_demand, make_controller, readings_of
 from wt_gym.experiment.comparison import ComparisonConfig, change, comparison_table, inflow_of, run_cases

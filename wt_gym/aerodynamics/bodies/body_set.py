@@ -35,7 +35,7 @@ from wt_gym.aerodynamics.bodies import body_kernels, tower_kernels
 from wt_gym.aerodynamics.induction.tree_induction import RingWork
 from wt_gym.aerodynamics.lattice.bound_kernels import invert
 from wt_gym.aerodynamics.options import AerodynamicsError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 
 FAR = 3.0
 """Distance over panel radius from which a panel is a point source with quadrupole; its velocity is then within 1e-3."""

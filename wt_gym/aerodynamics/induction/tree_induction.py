@@ -33,7 +33,7 @@ from wt_gym.aerodynamics.induction.tree_induction_kernels import (
     walk_blocks,
 )
 from wt_gym.aerodynamics.options import AerodynamicsError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 
 LINES = 128
 """Bytes that the processor fetches together: two cache lines."""

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.aerodynamics.options import AerodynamicsError, AeroOptions
 from wt_gym.base.attached_flow import attached_lift
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 
 MOST_LISTED = 8  # panels that a message names
 SECTION_FIELDS = ("alpha0_lattice", "lift_slope", "moment0_lattice", "slope_angle")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, view_from_tower
 from wt_gym.turbines.variants import electrical_power

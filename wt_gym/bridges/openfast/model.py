@@ -18,9 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 
-from wt_gym.base.constants import GRAVITY
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import GRAVITY, Array
 from wt_gym.turbines.openfast_text import write_lines
 from wt_gym.turbines.variants import clockwise_image, rotor_inertia_without_generator
 

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from wt_gym.base.child_process import ChildEndedError, ChildFailedError, ChildProcess
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.types import Array
+from wt_gym.base.processes import ChildEndedError, ChildFailedError, ChildProcess
+from wt_gym.base.quantities import Array
 from wt_gym.base.user_cache import user_cache
 from wt_gym.bridges.compiler import CompilerError, compile_library, library_name
 from wt_gym.bridges.openfast import worker

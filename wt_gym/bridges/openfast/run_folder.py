@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
 from wt_gym.bridges.openfast.model import POWERS, blade_sections, tower_sections
 from wt_gym.bridges.openfast.wind import write_wind

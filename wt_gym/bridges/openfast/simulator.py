@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from wt_gym.base.errors import ActionError, SimulationError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.bridges.openfast.measurement import Measurement
 from wt_gym.bridges.openfast.model import steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.process import OpenFASTProcess, find_library, relay_library

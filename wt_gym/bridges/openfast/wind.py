@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wt_gym.base.errors import InflowError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.bridges.openfast.model import write_inflow
 from wt_gym.control.sensors import Lidar
 from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulentInflow

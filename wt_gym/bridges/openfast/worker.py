@@ -1,4 +1,4 @@
-"""One simulation of OpenFAST's library in a process of its own, see `wt_gym.base.child_process`.
+"""One simulation of OpenFAST's library in a process of its own, see `wt_gym.base.processes`.
 
 Imports the standard library alone.
 """

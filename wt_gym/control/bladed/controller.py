@@ -2,7 +2,7 @@
 
 Such libraries keep their state in global variables. So each instance loads a private copy of the file, whose variables
 are its own, and unloads it when it is closed. What the original depends on is found because the original is loaded,
-too, but never called. An isolated library runs in a process of its own (`wt_gym.base.child_process`), so that a crash
+too, but never called. An isolated library runs in a process of its own (`wt_gym.base.processes`), so that a crash
 is an error of the controller and not the end of the training.
 """
 
@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.base.child_process import ChildEndedError, ChildProcess
 from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.base.files import HeldFolder
 from wt_gym.base.options import Options, option, option_record
+from wt_gym.base.processes import ChildEndedError, ChildProcess
 from wt_gym.control.actions import Demand
 from wt_gym.control.bladed import worker
 from wt_gym.control.bladed.records import (

@@ -1,4 +1,4 @@
-"""A controller library in a process of its own, see `wt_gym.base.child_process`; imports the standard library alone."""
+"""A controller library in a process of its own, see `wt_gym.base.processes`; imports the standard library alone."""
 
 import ctypes
 

@@ -26,9 +26,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.base.errors import ControllerError
+from wt_gym.base.errors import ControllerError, warn_once
 from wt_gym.base.options import Options, option, option_record
-from wt_gym.base.warn_once import warn_once
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController, GainTable
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
 from wt_gym.control.design import design_point, same_rotor

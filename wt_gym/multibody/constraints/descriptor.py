@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.arrays import Inputs, MultibodyError
 from wt_gym.multibody.system import MultibodySystem
 from wt_gym.multibody.tree import tree_kernels

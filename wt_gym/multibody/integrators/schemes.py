@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.arrays import (
     FAILURES,
     Drift,

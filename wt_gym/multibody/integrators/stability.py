@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.arrays import Inputs, MultibodyError, Work
 from wt_gym.multibody.system import MultibodySystem
 

@@ -131,7 +131,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.integrators.schemes import NEWMARK
 from wt_gym.multibody.observer_frame import observer_frame_constraint_kernels as constraint
 from wt_gym.multibody.observer_frame import observer_frame_matrix_kernels as matrix

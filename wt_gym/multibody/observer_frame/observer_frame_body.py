@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import null_space
 
 from wt_gym.base.errors import WtGymError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.structure.beam import Beam, skew
 from wt_gym.structure.flexible_body import particle_fields
 from wt_gym.structure.modes import lowest_modes

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.observer_frame.frame import Course, Drive, ObserverFrameSystem, Spring
 from wt_gym.multibody.observer_frame.observer_frame_body import (
     ObserverFrameError,

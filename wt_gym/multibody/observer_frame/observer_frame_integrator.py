@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.integrators.schemes import generalized_alpha
 from wt_gym.multibody.observer_frame import observer_frame_kernels as kernels
 from wt_gym.multibody.observer_frame.frame import Drive, ObserverFrameSystem, Spring

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import ActionError, SimulationError
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.arrays import Inputs
 from wt_gym.simulation.drivetrain.drive_kernels import act
 from wt_gym.turbines import Drivetrain, PitchSystem, Turbine

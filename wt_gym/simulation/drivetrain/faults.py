@@ -19,9 +19,8 @@ from typing import Any, ClassVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wt_gym.base.angles import wrapped
 from wt_gym.base.errors import ActionError, did_you_mean
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array, wrapped
 from wt_gym.simulation.channels import Signals, channel_table
 from wt_gym.simulation.drivetrain.drives import Drives, GeneratorLaw, PitchLaw
 from wt_gym.turbines import Drivetrain

@@ -32,7 +32,7 @@ from wt_gym.aerodynamics.bodies.body_set import BodySurface, convective_force, i
 from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.base.compiled import compiled_for, is_compiled, was_compiled
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.multibody.arrays import Points, Work, failure_of_a_step
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.multibody.tree.point_kernels import point_motion

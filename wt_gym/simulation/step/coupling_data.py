@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from wt_gym.aerodynamics.bodies.body_set import BodyArrays, BodyWork
 from wt_gym.aerodynamics.state import AeroArrays, AeroConstants, AeroWork, PlanformArrays
 from wt_gym.base.compiled import compiled_for
-from wt_gym.base.types import Array
+from wt_gym.base.quantities import Array
 from wt_gym.multibody.arrays import Points, Work
 from wt_gym.simulation.channels import new_values
 from wt_gym.simulation.models import TurbineModels

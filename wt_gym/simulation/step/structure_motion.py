@@ -28,7 +28,7 @@ from scipy.linalg import expm
 
 from wt_gym.base.compiled import compiled_for
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.types import Array, Integers
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.multibody.arrays import History, Inputs, Tree, Work, failure_of_a_step, new_history
 from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import DEFAULT, INTEGRATORS, Integrator, Method, coupled_integrator, method_of

@@ -1,10 +1,11 @@
-"""A child process that does one work and answers requests: what it does to itself, a crash included, stays there.
+"""Memory and threads of this process, and child processes.
 
-Compiled libraries keep their state in global variables and stop their process where they give up. A worker, a file
-that uses the standard library alone and so starts in a moment, holds such a library in a process of its own. It
-defines ``begin(*arguments)``, which gives an object whose methods answer requests, and ``FAILURES``, the exceptions
-that are answers and not its end. Requests and answers are pickles over standard input and output of this file, run as a
-script; what the worker prints goes to a log.
+A child process does one work and answers requests: what it does to itself, a crash included, stays there. Compiled
+libraries keep their state in global variables and stop their process where they give up. A worker, a file that uses the
+standard library alone and so starts in a moment, holds such a library in a process of its own. It defines
+``begin(*arguments)``, which gives an object whose methods answer requests, and ``FAILURES``, the exceptions that are
+answers and not its end. Requests and answers are pickles over standard input and output of this file, run as a script;
+what the worker prints goes to a log.
 """
 
 from __future__ import annotations
@@ -16,16 +17,78 @@ import pickle
 import subprocess
 import sys
 import weakref
+from functools import cache
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from contextlib import AbstractContextManager
 
+    from threadpoolctl import ThreadpoolController
+
+_MIB = 2**20
 _PATIENCE = 5.0
 """Time that a process is given to end [s]."""
 _UNBUFFERED = {"GFORTRAN_UNBUFFERED_PRECONNECTED": "y"}
 """What Fortran has printed is then in the log after a crash."""
+
+
+def peak_memory() -> float | None:
+    """The most memory that this process has had [MiB]; None on Windows without the package psutil."""
+    try:
+        import resource
+    except ModuleNotFoundError:  # Windows
+        return _of_psutil("peak_wset")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / _MIB if sys.platform == "darwin" else peak / 1024.0  # bytes there, kilobytes elsewhere
+
+
+def resident_memory() -> float | None:
+    """Memory that this process has now [MiB]; where the system does not tell, the most that it ever had."""
+    try:
+        import resource
+
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except (ModuleNotFoundError, OSError):  # only Linux has the file
+        now = _of_psutil("rss")
+        return peak_memory() if now is None else now
+    return pages * resource.getpagesize() / _MIB
+
+
+def _of_psutil(name: str) -> float | None:
+    """One of psutil's numbers [MiB]; None where there is no such number or no psutil."""
+    if importlib.util.find_spec("psutil") is None:
+        return None
+    import psutil
+
+    found = getattr(psutil.Process().memory_info(), name, None)
+    return None if found is None else found / _MIB
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    """Libraries of linear algebra of NumPy and SciPy, which are loaded before they are looked up."""
+    import numpy  # noqa: F401
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController().select(user_api="blas")
+
+
+def one_blas_thread() -> AbstractContextManager[Any]:
+    """Limit the BLAS libraries of NumPy and SciPy to one thread each; at the end they have as many as before.
+
+    With several threads, products of large matrices are rounded differently, so runs are not repeatable. On busy cores
+    the threads also wait for each other, a thousand times as long as the factorization of a small matrix takes.
+
+    The limit holds from the call on, so use it in a ``with`` statement. The number belongs to the process or to the
+    calling thread, which depends on how a library was built. So work that needs the limit takes it, and who starts
+    threads with such work side by side holds it around them: otherwise the first of them to end sets the number back
+    for the others.
+    """
+    limit: AbstractContextManager[Any] = _blas().limit(limits=1)
+    return limit
 
 
 class ChildFailedError(RuntimeError):

@@ -1,13 +1,16 @@
-"""A child process: answers, failures that it survives, its end with what it printed, and one that hangs."""
+"""A child process: answers, failures, its end with what it printed, one that hangs; linear algebra on one thread."""
 
 import os
 import signal
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+import scipy.linalg  # noqa: F401 - its library counts, too
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from wt_gym.base import child_process
-from wt_gym.base.child_process import ChildEndedError, ChildFailedError, ChildProcess
+from wt_gym.base import processes
+from wt_gym.base.processes import ChildEndedError, ChildFailedError, ChildProcess, one_blas_thread
 
 WORKER = """
 import atexit, os, time
@@ -90,7 +93,7 @@ def test_one_that_cannot_begin(begun):
 
 
 def test_one_that_hangs_is_ended(begun, monkeypatch):
-    monkeypatch.setattr(child_process, "_PATIENCE", 0.1)
+    monkeypatch.setattr(processes, "_PATIENCE", 0.1)
     child = begun(0)
     child.ask("times", 1)
     process, start = child._process, time.monotonic()
@@ -108,3 +111,35 @@ def test_it_ends_with_its_object(begun, tmp_path):
     del child
     assert process.wait(30.0) == 0
     assert not os.path.exists(f"/proc/{process.pid}")
+
+
+def numbers():
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+@pytest.fixture
+def two_threads():
+    with threadpool_limits(limits=2, user_api="blas"):
+        yield
+
+
+@pytest.mark.usefixtures("two_threads")
+def test_threads_of_before_come_back_also_after_an_error():
+    with pytest.raises(KeyError), one_blas_thread():  # noqa: PT012
+        with one_blas_thread():
+            assert numbers() == {1}
+        assert numbers() == {1}
+        raise KeyError
+    assert numbers() == {2}
+
+
+@pytest.mark.usefixtures("two_threads")
+def test_one_thread_held_around_threads_outlasts_theirs():
+    def worker(_):
+        with one_blas_thread():
+            inside = numbers()
+        return inside | numbers()
+
+    with one_blas_thread(), ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(worker, range(4))) == 4 * [{1}]
+    assert numbers() == {2}
