@@ -2,6 +2,7 @@
 
 import math
 import signal
+from dataclasses import replace
 
 import pytest
 
@@ -9,11 +10,10 @@ from wt_gym.learning import search as searching
 from wt_gym.learning.hyperparameters import hyperparameters_for
 from wt_gym.learning.options import TrainingConfig
 from wt_gym.learning.search import BEST_FILE, SPACES, search
-from wt_gym.tasks import DEFAULT_ENV
 
 pytest.importorskip("optuna")
-TASK = DEFAULT_ENV
-CONFIG = TrainingConfig(total_steps=300, eval_every=100, tensorboard=False)
+TASK = "wt_gym/NREL5MW-Steady-v1"  # whose hyperparameters lie in the search space
+CONFIG = TrainingConfig(env_id=TASK, total_steps=300, eval_every=100, tensorboard=False)
 
 
 class MadeUp:
@@ -80,4 +80,4 @@ def test_searches_without_meaning_are_refused(made_up, tmp_path):
         search(TrainingConfig(eval_every=0), tmp_path, 3)
     search(CONFIG, tmp_path, 1)
     with pytest.raises(ValueError, match="must be that of the search in this folder, got other total_steps"):
-        search(TrainingConfig(total_steps=400, eval_every=100, tensorboard=False), tmp_path, 2)
+        search(replace(CONFIG, total_steps=400), tmp_path, 2)

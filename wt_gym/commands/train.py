@@ -129,7 +129,7 @@ def parse(parser: argparse.ArgumentParser, words: list[str]) -> argparse.Namespa
 
 def configuration(arguments: argparse.Namespace, **fields: Any) -> TrainingConfig:
     """Configuration of the options that were given, with some fields in place of those of the options."""
-    from wt_gym.learning.hyperparameters import hyperparameters_for
+    from wt_gym.learning.hyperparameters import read_hyperparameters, replaced
     from wt_gym.learning.options import TrainingConfig
 
     given, options = vars(arguments), chosen_options(arguments, TrainingConfig)
@@ -145,9 +145,8 @@ def configuration(arguments: argparse.Namespace, **fields: Any) -> TrainingConfi
     if "pretraining" in options:
         options.setdefault("total_steps", 0)
     algorithm = options.get("algorithm", TrainingConfig.algorithm)
-    hyperparameters = hyperparameters_for(
-        algorithm, arguments.env, given.get("hyperparameters"), dict(given.get("hyper", ()))
-    )
+    file, single = given.get("hyperparameters"), dict(given.get("hyper", ()))
+    hyperparameters = replaced({} if file is None else read_hyperparameters(file, algorithm, arguments.env), single)
     return TrainingConfig(
         env_id=arguments.env, env_kwargs=kwargs, hyperparameters=hyperparameters, **(options | fields)
     )

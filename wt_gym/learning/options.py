@@ -13,7 +13,7 @@ import numpy as np
 from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.base.files import json_values
 from wt_gym.base.options import Options, not_empty, option, option_record
-from wt_gym.learning.hyperparameters import ALGORITHMS, check_hyperparameters, hyperparameters_for
+from wt_gym.learning.hyperparameters import ALGORITHMS, check_hyperparameters, hyperparameters_for, replaced
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
@@ -36,6 +36,11 @@ _ENVIRONMENT: dict[str, Any] = {
     "sensor_washout": None,
     "reward_credit": False,
 }
+_HYPERPARAMETERS: dict[str, Any] = {
+    "learning_rate": 4.0e-4, "gamma": 0.995, "gae_lambda": 0.97, "rollout_steps": 2048, "batch_size": 256,
+    "n_epochs": 6, "ent_coef": 0.0, "log_std_init": -0.9, "linear_policy": False, "normalize_rewards": True,
+}  # fmt: skip
+"""Of a policy on top of a linear law, which adds what that cannot, at the step of the simulator."""
 _SPAN = 0.5
 """Of the agent's offsets over the limit that a design of the turbine has by default [-]."""
 _MOST_STEPS, _MOST_SECONDS = 10**12, 1e9
@@ -46,7 +51,8 @@ _MOST_STEPS, _MOST_SECONDS = 10**12, 1e9
 class TrainingConfig(Options):
     """What to train on, for how long, and how.
 
-    With a pretraining, what ``env_kwargs`` leaves out is that of `pretraining_environment`; budgets become the
+    With a pretraining, what ``env_kwargs`` leaves out is that of `pretraining_environment`, and the hyperparameters
+    that are left out are those of a policy with hidden layers at the step of the simulator; budgets become the
     ``cost_limits`` of the environment. Files of wind get whole paths.
     """
 
@@ -124,7 +130,8 @@ class TrainingConfig(Options):
         self._set("env_kwargs", with_whole_paths(self.env_kwargs))
         if self.env_kwargs.get("vector_reward"):
             raise ValueError("the reward of a training must be one number, got its terms: leave out vector_reward")
-        self._set("hyperparameters", check_hyperparameters(self.algorithm, self.hyperparameters))
+        given = check_hyperparameters(self.algorithm, self.hyperparameters)
+        self._set("hyperparameters", given if self.pretraining is None else replaced(_HYPERPARAMETERS, given))
         if self.pretraining is not None and self.resolved["normalize_observations"]:
             raise ValueError("pretraining needs normalize_observations: false")
 
