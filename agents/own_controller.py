@@ -4,9 +4,10 @@
 
 `IndividualPitch` is a whole controller for the NREL 5-MW turbine: a torque law and a gain-scheduled PI controller of
 the pitch with the published gains, and individual pitch control on top. The class can be named wherever a controller is
-asked for, here too as a base for an agent:
+asked for, here too as a base for an agent, which then has neither the observation nor the credit by an observer:
 
-    gym.make("wt_gym/LoadReduction-v3", controller="agents/own_controller.py:IndividualPitch:gain=2e-9")
+    own = "agents/own_controller.py:IndividualPitch:gain=2e-9"
+    gym.make("wt_gym/LoadReduction-v3", controller=own, observation=None, reward_credit=False)
 """
 
 import argparse

@@ -10,12 +10,19 @@ import numpy as np
 import pytest
 
 from wt_gym.analysis.results import Evaluation, Wind
+from wt_gym.base.files import shipped_folder
 from wt_gym.commands import evaluate as command
 from wt_gym.commands import parse as parse_command
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment import evaluation as module
 from wt_gym.experiment.agents import ConstantAgent
-from wt_gym.experiment.environments import AgentExperiment, Environments, check_environment, resolved_arguments
+from wt_gym.experiment.environments import (
+    AgentExperiment,
+    Environments,
+    check_environment,
+    resolved_arguments,
+    with_common_step,
+)
 from wt_gym.experiment.evaluation import (
     DEFAULT_WIND_SEEDS,
     EvaluationConfig,
@@ -26,6 +33,7 @@ from wt_gym.experiment.execute import SerialExecutor
 from wt_gym.experiment.options import ClimateOptions
 from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.learning.options import TrainingConfig
+from wt_gym.tasks import DEFAULT_ENV, TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
@@ -176,6 +184,21 @@ def test_a_model_sees_what_it_saw_in_its_training(allow, monkeypatch):
     runs = evaluate({"baseline": "baseline", "mine": mine}, config, allow_other_environment=allow, progress=False).runs
     assert lengths == {10}
     assert runs[0].metrics == runs[1].metrics
+
+
+def test_runs_have_the_shortest_control_step_of_environment_and_trainings():
+    agents = {"discon": "discon", "shipped": str(shipped_folder() / "trained" / "iea15mw")}  # trained at 0.1 s
+    assert with_common_step(agents, DEFAULT_ENV, {"starts": 3}) == {"starts": 3, "control_dt": 0.1}
+    for given in ({"control_dt": 0.4}, {"control_dt": 0.1}):
+        assert with_common_step(agents, DEFAULT_ENV, given) == given
+    assert with_common_step(agents, TASKS["Gusts"].id, {}) == {}
+    assert with_common_step({"discon": "discon"}, DEFAULT_ENV, {}) == {}
+
+
+def test_a_controller_without_observer_runs_beneath_the_actions_of_a_task_with_one():
+    there = Environments(DEFAULT_ENV, {})
+    assert there.environment_of("ipc", {}).unwrapped.options.controller.base == "ipc"
+    there.close()
 
 
 def test_a_model_brings_the_controller_it_was_trained_on():

@@ -44,6 +44,8 @@ FORCES = ("moment", "torsion", "torque", "power", "thrust")
 """Parts of the names of signals and of metrics that are forces, moments or powers."""
 TURBULENT = "wt_gym/NREL5MW-Turbulent-v1"
 WIND = {"wind_speed": 13.0, "wind_seeds": (1,)}
+OWN = {"observation": ("measurable",), "sensor_washout": 20.0, "action_spans": None, "reward_credit": False}
+"""Of an environment whose base controller has no observer."""
 
 
 class Course(NamedTuple):
@@ -155,9 +157,9 @@ def case_of(name):
         return Case(TASKS[name].id, seed if TASKS[name].arguments["inflow"] == "turbulent" else {})
     if name in CONTROLLERS:  # yaw acts in a wind from the side: the drive turns within the episode
         task, controller = ("Yaw", "discon+yaw") if name == "yaw" else ("LoadReduction", name)
-        return Case(TASKS[task].id, seed | {"controller": controller}, amplitude=0.0)
+        return Case(TASKS[task].id, seed | OWN | {"controller": controller}, amplitude=0.0)
     if name == "variation":
-        return Case(TASKS["LoadReduction"].id, seed | {"variation": VARIED, "controller": "constrained_ipc"})
+        return Case(TASKS["LoadReduction"].id, seed | OWN | {"variation": VARIED, "controller": "constrained_ipc"})
     folder = shipped_folder() / "trained" / name
     return Case(TURBULENT, trained_arguments(TrainedAgent.load(folder).record) | seed, folder)
 
@@ -450,7 +452,7 @@ def scaled(turbine, s, published=False):
 )
 def test_density_mass_and_stiffness_scaled_alike_change_no_motion(task, controller, turbine, published):
     """Every term of the equations of motion is a force: all of them times a ratio, it is the same motion."""
-    turbine, ratio, arguments = load_turbine(turbine), 1.5, {"controller": controller, "start": "steady"}
+    turbine, ratio, arguments = load_turbine(turbine), 1.5, OWN | {"controller": controller, "start": "steady"}
     turbines = (turbine if published else scaled(turbine, 1.0), scaled(turbine, ratio, published))
     first, second = (play(gym.make(TASKS[task].id, turbine=one, wind_seeds=(1,), **arguments)) for one in turbines)
     assert_same(first, second, factor=ratio)

@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from scipy.signal import lfilter
 
-from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part
+from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part, side_sign
 from wt_gym.envs.credit_kernels import effect_to_come
-from wt_gym.envs.fatigue import BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
+from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.terms import Term
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ def normalized_responses(
         )
     flap = design.responses[:, :3] * design.scale[:3, None, None]
     held = held_responses(np.concatenate([flap, design.loads], axis=1), times, round(HORIZON / dt))
+    held[:, LOADS.index("tower_side_side")] *= side_sign(turbine)
     for term in terms:
         if isinstance(term, BladeFatigue | TowerForeAftFatigue | TowerSideSideFatigue):
             rows, washed = term.rows
