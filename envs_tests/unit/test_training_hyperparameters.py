@@ -21,7 +21,7 @@ TASK, STEADY = "wt_gym/LoadReduction-v3", "wt_gym/NREL5MW-Steady-v1"
 
 @pytest.mark.parametrize("name", TASKS)
 def test_a_task_looks_ahead_as_long_as_it_takes(name):
-    """10 s for offsets on an observer, 20 s for the side-side motion, 30 s for the rotor's energy, 200 s for the yaw."""
+    """10 s for offsets on an observer, 20 s for side-side motion, 30 s for the energy of the rotor, 200 s for yaw."""
     task = TASKS[name]
     dt = task.arguments["control_dt"]
     least = {"Yaw": 200.0, "MaxPower": 30.0}.get(name, 10.0 if dt == 0.2 else 20.0)

@@ -289,6 +289,14 @@ def explained_share(
     return np.asarray(1.0 - sum((e**2).sum(1) for e in left) / whole)
 
 
+def identify_and_judge(
+    inputs: Sequence[NDArray[np.float64]], changes: Sequence[NDArray[np.float64]], taps: int, ridge: float, decay: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Responses as of `identify`, fitted to all runs, and shares of the last run that a fit to the others explains."""
+    trial = identify(inputs[:-1], changes[:-1], taps, ridge, decay)
+    return identify(inputs, changes, taps, ridge, decay), explained_share(trial, inputs[-1:], changes[-1:])
+
+
 TOWER = (6, 7)
 POWER = 8
 """Places of `LOADS` behind the six outputs in the responses of a plant."""
