@@ -263,9 +263,7 @@ def pretrain(
 
 
 def forecast_front(
-    actor: Actor,
-    held_out: Sequence[LinearizedEpisode],
-    settings: Mapping[str, Mapping[str, float]] | None,
+    actor: Actor, held_out: Sequence[LinearizedEpisode], settings: Mapping[str, Mapping[str, float]] | None
 ) -> dict[str, list[float]]:
     """Forecast of the parts of the lifetime cost under a policy, less those of the base controller alone.
 

@@ -279,9 +279,7 @@ def identify(
 
 
 def explained_share(
-    responses: NDArray[np.float64],
-    inputs: Sequence[NDArray[np.float64]],
-    changes: Sequence[NDArray[np.float64]],
+    responses: NDArray[np.float64], inputs: Sequence[NDArray[np.float64]], changes: Sequence[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     """Share of the mean square of changes, as of `identify`, that responses explain (n_out,); 1: a perfect model."""
     left = [c - respond(responses, u) for u, c in zip(inputs, changes, strict=True)]
