@@ -61,7 +61,8 @@ RAW = (*LOADS, "edge_mean", "edge_tilt", "edge_yaw", "power")
 _POWER = RAW.index("power")
 SETTLED = 10.0
 """First part of a run, in which no episode starts [s]."""
-_STILL = {"relative_reward": False, "reward_credit": False, "starts": None, "start": "steady", "episode_length": None}
+STILL = {"relative_reward": False, "reward_credit": False, "starts": None, "start": "steady", "episode_length": None}
+"""Arguments of a run that is recorded: without starts amid operation, and with the reward of single steps."""
 _OWN = ("response_", "tower_velocity_", "tower_displacement_")
 """Beginnings of the names of channels that offsets move."""
 
@@ -179,7 +180,7 @@ def record_runs(
 ) -> list[_Run]:
     """Runs of jobs (speed, seed, duration, actions), in several threads."""
     local = threading.local()
-    given = _modeled(env_id, arguments, **_STILL)
+    given = _modeled(env_id, arguments, **STILL)
 
     def play(job: tuple[float, int, float, NDArray[np.float64] | None]) -> _Run:
         if not hasattr(local, "env"):
@@ -193,7 +194,7 @@ def record_runs(
 
 def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions = ModelOptions()) -> LinearModel:
     """Record and identify a model, see `LinearModel`."""
-    env = WindTurbineEnv(**_modeled(env_id, arguments, **_STILL))
+    env = WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
     check_environment(env)
     low, high = env.wind.speeds
     spans, dt = env.operation.action.pitch_high, env.control_dt
@@ -250,7 +251,7 @@ def _stacked(runs: Sequence[_Run]) -> dict[str, Any]:
 def cached_model(env_id: str, arguments: Mapping[str, Any]) -> LinearModel:
     """Model from the cache of the user, or a new one."""
     described = {name: value for name, value in _modeled(env_id, arguments).items() if name not in _NO_MATTER}
-    env = WindTurbineEnv(**_modeled(env_id, arguments, **_STILL))
+    env = WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
     definition = {
         "fingerprint": benchmark_fingerprint(env.turbine, env.fidelity),
         "env": env_id, "arguments": json.dumps(described, sort_keys=True, default=repr),
