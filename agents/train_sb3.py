@@ -81,10 +81,7 @@ def main():
     arguments = parser.parse_args()
     torch.set_num_threads(1)  # small networks
     policy, episodes = None, []
-    for env_id, turbines, steps in (
-        (LINEAR_ID, 64, arguments.linear),
-        (ENV_ID, arguments.turbines, arguments.steps),
-    ):
+    for env_id, turbines, steps in ((LINEAR_ID, 64, arguments.linear), (ENV_ID, arguments.turbines, arguments.steps)):
         if steps:
             model, episodes = learn(env_id, turbines, steps, arguments.seed, policy)
             policy = model.policy

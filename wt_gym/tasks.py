@@ -220,12 +220,7 @@ TASKS = {
             "Load reduction on a turbine of 22 MW, whose own controller cuts the peak of the thrust.",
             "as LoadReduction",
             60.0,
-            {
-                **_LOAD_REDUCTION,
-                **RECORDS["iea_22mw"].arguments,
-                "turbine": "iea_22mw",
-                "action_spans": _spans(1.7),
-            },
+            {**_LOAD_REDUCTION, **RECORDS["iea_22mw"].arguments, "turbine": "iea_22mw", "action_spans": _spans(1.7)},
         ),
         Task(
             "FullOperation",

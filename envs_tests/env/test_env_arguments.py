@@ -40,8 +40,7 @@ def test_on_a_command_line_too(given, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "options",
-    [{"rotor_speed": [1.0]}, {"pitch": "0"}, {"azimuth": True}, {"wind_speed": {}}, [1]],
+    "options", [{"rotor_speed": [1.0]}, {"pitch": "0"}, {"azimuth": True}, {"wind_speed": {}}, [1]]
 )
 def test_options_of_a_reset_too(options):
     env = WindTurbineEnv()

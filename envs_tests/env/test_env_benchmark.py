@@ -12,15 +12,7 @@ from stable_baselines3 import PPO
 from turbine_contract import PLAIN
 
 from wt_gym.base.errors import BenchmarkError
-from wt_gym.experiment.benchmark import (
-    ResultFolder,
-    entry_of,
-    jobs_of,
-    make_env,
-    play_task,
-    run_jobs,
-    wind_score,
-)
+from wt_gym.experiment.benchmark import ResultFolder, entry_of, jobs_of, make_env, play_task, run_jobs, wind_score
 from wt_gym.experiment.benchmark_tasks import BenchmarkTask, Reference, task_file
 from wt_gym.experiment.environments import resolved_arguments
 from wt_gym.experiment.run import delivered_power

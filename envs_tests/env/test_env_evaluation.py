@@ -23,12 +23,7 @@ from wt_gym.experiment.environments import (
     resolved_arguments,
     with_common_step,
 )
-from wt_gym.experiment.evaluation import (
-    DEFAULT_WIND_SEEDS,
-    EvaluationConfig,
-    EvaluationFolder,
-    evaluate,
-)
+from wt_gym.experiment.evaluation import DEFAULT_WIND_SEEDS, EvaluationConfig, EvaluationFolder, evaluate
 from wt_gym.experiment.execute import SerialExecutor
 from wt_gym.experiment.options import ClimateOptions
 from wt_gym.experiment.run import benchmark_fingerprint

@@ -318,8 +318,7 @@ def test_the_command_serves_until_the_last_call(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "idle"),
-    [([], 600.0), (["--stay"], None), (["--stay", "--timeout", "5"], 5.0), (["--timeout", "5"], 5.0)],
+    ("words", "idle"), [([], 600.0), (["--stay"], None), (["--stay", "--timeout", "5"], 5.0), (["--timeout", "5"], 5.0)]
 )
 def test_a_server_that_stays_has_no_time_out_unless_one_is_given(words, idle, monkeypatch):
     made = []

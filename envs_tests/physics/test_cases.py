@@ -134,11 +134,7 @@ def two_cases(monkeypatch):
 
     def good():
         figure = Figure((Curve([0, 1], [0, 1], "line"),), "x", "y")
-        return CaseResult(
-            [Check("one <&>", np.float64(1.0), np.float64(1.0), 0.1)],
-            {"a line": figure},
-            "a note",
-        )
+        return CaseResult([Check("one <&>", np.float64(1.0), np.float64(1.0), 0.1)], {"a line": figure}, "a note")
 
     def bad():
         raise ValueError("no solution")

@@ -398,14 +398,8 @@ class TestErrors:
             ("spectral_radius must lie in 0 … 1, got -0.1", integrated(spectral_radius=-0.1)),
             ("spectral_radius must lie in 0 … 1, got 1.1", integrated(spectral_radius=1.1)),
             ("spectral_radius must lie in 0 … 1, got nan", integrated(spectral_radius=np.nan)),
-            (
-                "need the rigid_modes 'deformed'",
-                lambda: integrator(second, options={"rigid_modes": "undeformed"}),
-            ),
-            (
-                "'deformed' adds the moment of the deflection",
-                lambda: integrator(second, load=(np.ones(6), "deformed")),
-            ),
+            ("need the rigid_modes 'deformed'", lambda: integrator(second, options={"rigid_modes": "undeformed"})),
+            ("'deformed' adds the moment of the deflection", lambda: integrator(second, load=(np.ones(6), "deformed"))),
             ("exists already", lambda: system.add(self.body())),
             ("no marker 'elbow'", lambda: system.support("beam", "elbow")),
             ("no substructure is named 'arm'", lambda: system.load("arm", "tip", np.zeros(6))),

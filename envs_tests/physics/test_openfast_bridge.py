@@ -26,9 +26,7 @@ from wt_gym.turbines.variants import mirrored
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 LIBRARY = openfast_library()
-pytestmark = [
-    pytest.mark.skipif(LIBRARY is None, reason=f"no library of OpenFAST: {VARIABLE} is not set"),
-]
+pytestmark = [pytest.mark.skipif(LIBRARY is None, reason=f"no library of OpenFAST: {VARIABLE} is not set")]
 ROSCO = importlib.util.find_spec("rosco")
 
 

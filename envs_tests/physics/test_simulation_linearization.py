@@ -215,8 +215,7 @@ def test_campbell_diagram(simulator, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "highest"),
-    [("nrel_5mw", 1.1), ("nrel_5mw", 1.2), pytest.param("iea_15mw", 1.2, marks=pytest.mark.slow)],
+    ("name", "highest"), [("nrel_5mw", 1.1), ("nrel_5mw", 1.2), pytest.param("iea_15mw", 1.2, marks=pytest.mark.slow)]
 )
 def test_branches_have_the_names_of_the_modes_where_these_are_clear(name, highest):
     """Above rated speed the two first modes of the tower mix and swap their names, and so did whole branches."""

@@ -25,13 +25,7 @@ from wt_gym.wind import (
 )
 from wt_gym.wind.coherence_kernels import parity_block
 from wt_gym.wind.kaimal import sample_gain, variance_read
-from wt_gym.wind.mann import (
-    MannParameters,
-    distortion,
-    life_time,
-    one_point_spectra,
-    spectral_tensor,
-)
+from wt_gym.wind.mann import MannParameters, distortion, life_time, one_point_spectra, spectral_tensor
 from wt_gym.wind.turbulence_box import load
 from wt_gym.wind.turbulent import coherence_along, evolved_boxes
 

@@ -10,15 +10,7 @@ import numpy as np
 import pytest
 from ceiling import CeilingOptions, ceiling_table, ladder_table, make_ceiling, write_ceiling
 from ceiling_ladder import Rung, Seen, beam_readings, climb, known_wind, rungs_of
-from ceiling_oracle import (
-    LoadQuadratic,
-    OracleOptions,
-    Played,
-    best_of,
-    learn_offsets,
-    limited,
-    optimal_change,
-)
+from ceiling_oracle import LoadQuadratic, OracleOptions, Played, best_of, learn_offsets, limited, optimal_change
 
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.control import Demand

@@ -13,12 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from wt_gym.commands import (
-    COMMANDS,
-    main,
-    module_of,
-    program,
-)
+from wt_gym.commands import COMMANDS, main, module_of, program
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands import run as run_command
 from wt_gym.commands.program import OneLineParser, json_value, stoppable, user_errors

@@ -784,10 +784,7 @@ def test_an_addition_alone_is_no_controller(kind, turbine):
         ("ipc:level=0.1,level=0.2", "every parameter must be given once, got level twice"),
         ("yaw:dead_band=-0.1", r"dead_band of controller 'yaw' must be .* above 0 and at most 3.14159 rad, got -0.1"),
         ("yaw:dead_band=0.1,stop=0.1", "stop must be at least 0 and below dead_band, got 0.1 and 0.1 rad"),
-        (
-            "ipc:fade=0.9",
-            r"fade .* true or false, a number from 0.001 to 0.5 rad or a FadeParameters, got 0.9",
-        ),
+        ("ipc:fade=0.9", r"fade .* true or false, a number from 0.001 to 0.5 rad or a FadeParameters, got 0.9"),
         ("lidar:lidar=3", r"lidar .* must be a Lidar or None \(three gates by the rotor's size\), got 3"),
         ("lidar:filter_length=0.6", "nearest gate of the lidar, 63 m"),
         ("discon:ki=0", r"ki of controller 'discon' must be a number above 0 or None"),

@@ -88,10 +88,7 @@ def test_what_is_no_name_is_refused_with_what_is_near():
         ("discon:", "the colon of 'discon:' must be followed by key=value, or left out"),
         ("a/b.py:Mine:", "must be followed by key=value"),
         ("discon:kp=0.01,", "must be key=value, got ''"),
-        (
-            "discon:kp=0.01+ipc:bandwidth=0.3",
-            r"must all stand before the colon.*: discon\+ipc:kp=0.01,bandwidth=0.3$",
-        ),
+        ("discon:kp=0.01+ipc:bandwidth=0.3", r"must all stand before the colon.*: discon\+ipc:kp=0.01,bandwidth=0.3$"),
         ("discon:kp=0.01+ipc", r"behind it: discon\+ipc:kp=0.01$"),
     ],
 )

@@ -12,12 +12,7 @@ from scipy import signal
 from wt_gym.base.errors import ControllerError, TurbineDefinitionError
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
-from wt_gym.control.controllers.discon import (
-    BaselineParameters,
-    DisconController,
-    GainTable,
-    PitchLaw,
-)
+from wt_gym.control.controllers.discon import BaselineParameters, DisconController, GainTable, PitchLaw
 from wt_gym.control.controllers.own import own_parameters
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.design import rotor_inertia

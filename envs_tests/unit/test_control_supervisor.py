@@ -8,13 +8,7 @@ import pytest
 from envs_tests.unit.simple_rotor import SimpleRotor
 from wt_gym.base.errors import ControllerError
 from wt_gym.control import Demand
-from wt_gym.control.controllers import (
-    STATES,
-    DisconController,
-    lidar_of,
-    make_controller,
-    supervisor_of,
-)
+from wt_gym.control.controllers import STATES, DisconController, lidar_of, make_controller, supervisor_of
 from wt_gym.control.controllers.controller import AtSetPoint, WithDemandedPower
 from wt_gym.control.controllers.tsr_tracking import SpeedExclusion, resonant_speed
 from wt_gym.turbines import load_turbine

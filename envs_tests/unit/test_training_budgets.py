@@ -133,10 +133,7 @@ def test_the_command_takes_budgets(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            {"algorithm": "SAC", "hyperparameters": {}},
-            "except with the algorithm PPO, got 'SAC'",
-        ),
+        ({"algorithm": "SAC", "hyperparameters": {}}, "except with the algorithm PPO, got 'SAC'"),
         ({"budgets": {"pitch_travel": 1.0}}, "cost_limits must be the budgets or left out"),
     ],
 )

@@ -16,6 +16,11 @@ TASK = "wt_gym/NREL5MW-Steady-v1"  # whose hyperparameters lie in the search spa
 CONFIG = TrainingConfig(env_id=TASK, total_steps=300, eval_every=100, tensorboard=False)
 
 
+def distance(values):
+    """Decades from the best learning rate, of one that falls."""
+    return abs(math.log10(float(values["learning_rate"].removeprefix("lin_")) / 1e-4))
+
+
 class MadeUp:
     """A training whose return is best at a learning rate of 1e-4, and which can be told to stop."""
 
@@ -27,7 +32,7 @@ class MadeUp:
         if len(self.tried) == self.interrupt_at:
             stop.signal_number = signal.SIGTERM
             return {"status": "interrupted"}
-        final = -(math.log10(config.hyperparameters["learning_rate"] / 1e-4) ** 2)
+        final = -(distance(config.hyperparameters) ** 2)
         for steps in (100, 200, 300):
             if not on_evaluation(steps, {"episode_return": final}):
                 return {"status": "stopped"}
@@ -45,14 +50,14 @@ def test_the_search_finds_the_best_and_training_takes_it(made_up, tmp_path):
     result = search(CONFIG, tmp_path, 12)
     assert result["status"] == "finished"
     assert result["trials"] == 12 == len(made_up.tried)
-    distances = [abs(math.log10(values["learning_rate"] / 1e-4)) for values in made_up.tried]
+    distances = [distance(values) for values in made_up.tried]
     assert result["value"] == pytest.approx(-(min(distances) ** 2))
     assert min(distances) < distances[0]
     present = hyperparameters_for("PPO", TASK)
-    assert {name: made_up.tried[0][name] for name in present} == present  # the first trial
+    assert {name: made_up.tried[0][name] for name in present} == present | {"learning_rate": "lin_0.003"}  # the first
     found = hyperparameters_for("PPO", TASK, tmp_path / BEST_FILE)
     assert found == result["best"]
-    assert math.log10(found["learning_rate"] / 1e-4) ** 2 == pytest.approx(-result["value"])
+    assert distance(found) ** 2 == pytest.approx(-result["value"])
 
 
 def test_a_stopped_search_goes_on(made_up, tmp_path):
@@ -67,7 +72,11 @@ def test_a_stopped_search_goes_on(made_up, tmp_path):
 
 @pytest.mark.parametrize("algorithm", SPACES)
 def test_what_is_searched_can_be_trained(algorithm, made_up, tmp_path):
-    search(TrainingConfig(algorithm, total_steps=300, eval_every=100), tmp_path, 5)
+    search(
+        TrainingConfig(algorithm, hyperparameters={"learning_rate": "lin_1e-3"}, total_steps=300, eval_every=100),
+        tmp_path,
+        5,
+    )
     for values in made_up.tried:
         TrainingConfig(algorithm, hyperparameters=values)  # refuses what is out of range
     assert set(SPACES[algorithm]) <= set(made_up.tried[0])

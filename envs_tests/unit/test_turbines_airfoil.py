@@ -112,10 +112,7 @@ def test_blend_of_airfoils_is_linear_in_camber_and_thickness():
 
 @pytest.mark.parametrize(
     ("change", "named"),
-    [
-        ({"alpha": np.radians(np.linspace(-90, 90, 5))}, "Polar.alpha"),
-        ({"cd": [0, np.nan, 0, 0, 0]}, r"Polar.cd\[1\]"),
-    ],
+    [({"alpha": np.radians(np.linspace(-90, 90, 5))}, "Polar.alpha"), ({"cd": [0, np.nan, 0, 0, 0]}, r"Polar.cd\[1\]")],
 )
 def test_wrong_polars_are_refused(change, named):
     good = {"alpha": np.radians(np.linspace(-180, 180, 5)), "cl": np.zeros(5), "cd": np.zeros(5), "cm": np.zeros(5)}

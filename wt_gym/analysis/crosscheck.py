@@ -43,12 +43,7 @@ _PLOTTED = (*_LOADS, "pitch_travel")
 _LEAST_FOR_RANKS = 3
 _SHOWN = 60.0  # length of the signals that are drawn [s]
 _FASTEST = 3.0  # spectra are drawn up to it [Hz]
-_UNITS = {
-    "N m": (1e-6, "MN m"),
-    "W": (1e-6, "MW"),
-    "rad/s": (30.0 / math.pi, "rpm"),
-    "rad": (180.0 / math.pi, "deg"),
-}
+_UNITS = {"N m": (1e-6, "MN m"), "W": (1e-6, "MW"), "rad/s": (30.0 / math.pi, "rpm"), "rad": (180.0 / math.pi, "deg")}
 _CHANGES_FILE = "figures/changes.svg"
 
 

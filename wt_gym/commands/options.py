@@ -93,9 +93,7 @@ _SHARED: dict[str, dict[str, Any]] = {
     "no_report": {"action": "store_true", "help": "write runs and metrics only"},
     "json": {"action": "store_true", "help": "print the results as one JSON object at the end"},
 }  # fmt: skip
-CLUSTER = ("engine", "address")
-"""Options of where the work is done."""
-WORKERS = ("jobs", *CLUSTER)
+WORKERS = ("jobs", "engine", "address")
 """Options of who does the jobs of a sweep, and how many at a time."""
 MODELS = ("algo", "trust")
 """Options about models of stable-baselines3 that were trained elsewhere."""

@@ -15,15 +15,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wt_gym.commands.options import (
-    MODELS,
-    WORKERS,
-    add_shared,
-    agents_of,
-    environment_of,
-    evaluation_of,
-    executor_of,
-)
+from wt_gym.commands.options import MODELS, WORKERS, add_shared, agents_of, environment_of, evaluation_of, executor_of
 from wt_gym.commands.program import UNSAFE
 
 if TYPE_CHECKING:

@@ -254,9 +254,7 @@ def torque_loop_modes(
 
 
 def growing_mode(
-    turbine: Turbine,
-    parameters: TsrTrackingParameters | BaselineParameters,
-    estimator: WindEstimator | None = None,
+    turbine: Turbine, parameters: TsrTrackingParameters | BaselineParameters, estimator: WindEstimator | None = None
 ) -> LoopMode | None:
     """Fastest growing mode in the winds of `winds_below_rated`, None where none grows by `LEAST_GROWTH`."""
     modes = [

@@ -30,16 +30,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.base.options import (
-    Options,
-    as_pair,
-    as_tuple,
-    check_number,
-    not_empty,
-    option,
-    option_record,
-    shown,
-)
+from wt_gym.base.options import Options, as_pair, as_tuple, check_number, not_empty, option, option_record, shown
 from wt_gym.control.design import reference_flap_moment
 from wt_gym.envs.operation import OWN
 from wt_gym.envs.terms import Term

@@ -15,13 +15,7 @@ from wt_gym.base.options import Options, as_tuple, option, option_record, shown
 from wt_gym.base.quantities import wrapped
 from wt_gym.control import Lidar
 from wt_gym.control.controllers.tsr_tracking import WindEstimator
-from wt_gym.envs.channels import (
-    DEFAULT_GROUPS,
-    Observable,
-    Observed,
-    Sensors,
-    Situation,
-)
+from wt_gym.envs.channels import DEFAULT_GROUPS, Observable, Observed, Sensors, Situation
 from wt_gym.envs.layout import ObservationLayout
 from wt_gym.envs.observation_kernels import read_signals
 from wt_gym.envs.terms import Stateful

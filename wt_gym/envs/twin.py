@@ -30,14 +30,7 @@ from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.terms import EnvSnapshot, Term
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.wind import (
-    MirroredInflow,
-    PathInflow,
-    SteadyInflow,
-    TransientInflow,
-    TurbulentInflow,
-    TurningInflow,
-)
+from wt_gym.wind import MirroredInflow, PathInflow, SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

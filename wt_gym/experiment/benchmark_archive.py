@@ -19,13 +19,7 @@ from wt_gym.base.canary import differing
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.base.files import write_whole
 from wt_gym.control.controllers.names import Name
-from wt_gym.experiment.benchmark import (
-    BenchmarkAgent,
-    BenchmarkRun,
-    ResultFolder,
-    entry_of,
-    run_jobs,
-)
+from wt_gym.experiment.benchmark import BenchmarkAgent, BenchmarkRun, ResultFolder, entry_of, run_jobs
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.store import digest
 from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, model_digests, model_files

@@ -41,11 +41,6 @@ def compile_kernels(env: gym.Env) -> None:
     env.close()
 
 
-def compile_kernels_of(env_id: str, env_kwargs: Mapping[str, Any]) -> None:
-    """Make an environment and `compile_kernels` of it: what a machine does once before its processes begin."""
-    compile_kernels(gym.make(env_id, **env_kwargs))
-
-
 # ---- the environment of a training ----
 
 

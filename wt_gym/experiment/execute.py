@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ATTEMPTS", "ENGINES", "Executor", "Experiment", "ProcessExecutor", "Progress", "ProgressLine", "RayExecutor",
-    "SerialExecutor", "Tally", "clock", "connected", "executor_for", "played", "processors", "warm_nodes",
+    "SerialExecutor", "Tally", "clock", "executor_for", "played",
 ]  # fmt: skip
 
 ENGINES = ("local", "ray")
@@ -438,6 +438,7 @@ class RayExecutor(Executor):
 
     Ray's own retries are off: what is begun again is counted here. Results come back to this process, which alone
     writes them: the machines need no common file system, but trained models must lie at the same path on all of them.
+    A connection of this process is used and left.
 
     Parameters
     ----------
@@ -449,14 +450,36 @@ class RayExecutor(Executor):
 
     def __init__(self, address: str | None = None, workers: int | None = None):
         super().__init__()
-        self._address, self._workers, self._stack = address, workers, ExitStack()
+        self._address, self._workers, self._connects = address or os.environ.get("RAY_ADDRESS"), workers, False
 
     def __enter__(self) -> Self:
-        self._stack.enter_context(connected(self._address, self._workers))
+        """Connect; a ConnectionError if there is no cluster at the address."""
+        import ray
+
+        self._connects = not ray.is_initialized()
+        if not self._connects:
+            return self
+        handlers = dict[int, Any]()
+        if threading.current_thread() is threading.main_thread():  # which alone can set them
+            handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        own = {"num_cpus": self._workers, "object_store_memory": _OBJECT_STORE, "include_dashboard": False}
+        ray.init(
+            address=self._address or "local",
+            # several workers of a machine would each start as many threads as it has processors
+            runtime_env={"env_vars": ONE_THREAD},
+            log_to_driver=False,
+            logging_level="warning",
+            **({} if self._address else own),
+        )
+        for number, handler in handlers.items():
+            signal.signal(number, handler)  # Ray has put its own in their place
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._stack.close()
+        if self._connects:
+            import ray
+
+            ray.shutdown()
 
     def results(self, work: Callable[[Any], Any], rows: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
         """As `Executor.results`."""
@@ -466,7 +489,7 @@ class RayExecutor(Executor):
         if not rows:
             return
         if isinstance(work, Experiment):
-            warm_nodes(work.warm)
+            _warm_nodes(work.warm)
         # The process or the machine of a task, or of its result, is gone; other errors are the work's own.
         gone = (
             exceptions.LocalRayletDiedError, exceptions.NodeDiedError, exceptions.ObjectLostError,
@@ -479,7 +502,7 @@ class RayExecutor(Executor):
         try:
             while left or running:
                 # a few more than there are processors, so that none waits for this process; results never pile up
-                most = self._workers or processors() + 2
+                most = self._workers or max(1, int(ray.cluster_resources().get("CPU", 1))) + 2
                 while left and len(running) < most:
                     row, attempt = left.popleft()
                     running[play.remote(stored, row, stored.hex())] = row, attempt
@@ -501,46 +524,7 @@ class RayExecutor(Executor):
         self.tally.raise_lost()
 
 
-@contextmanager
-def connected(address: str | None = None, num_cpus: int | None = None) -> Iterator[None]:
-    """Be connected to a Ray cluster, whose address is as of `executor_for`; an existing connection is used and left.
-
-    ``num_cpus`` are the processors of a Ray of this machine alone, by default all. Raises a `ConnectionError` if there
-    is no cluster at the address.
-    """
-    import ray
-
-    if ray.is_initialized():
-        yield
-        return
-    address, handlers = address or os.environ.get("RAY_ADDRESS"), dict[int, Any]()
-    if threading.current_thread() is threading.main_thread():  # which alone can set them
-        handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    own = {"num_cpus": num_cpus, "object_store_memory": _OBJECT_STORE, "include_dashboard": False}
-    ray.init(
-        address=address or "local",
-        # several workers of a machine would each start as many threads as it has processors
-        runtime_env={"env_vars": ONE_THREAD},
-        log_to_driver=False,
-        logging_level="warning",
-        **({} if address else own),
-    )
-    for number, handler in handlers.items():
-        signal.signal(number, handler)  # Ray has put its own in their place
-    try:
-        yield
-    finally:
-        ray.shutdown()
-
-
-def processors() -> int:
-    """Processors of the cluster at this moment, at least one."""
-    import ray
-
-    return max(1, int(ray.cluster_resources().get("CPU", 1)))
-
-
-def warm_nodes(warm: Callable[[], None]) -> None:
+def _warm_nodes(warm: Callable[[], None]) -> None:
     """Call a function once on each machine of the cluster, all at the same time.
 
     A first step compiles for a minute and more, and twenty workers that start cold compile the same twenty times.
@@ -552,15 +536,10 @@ def warm_nodes(warm: Callable[[], None]) -> None:
     nodes = [
         node["NodeID"] for node in ray.nodes() if node["Alive"] and node.get("Resources", {}).get("CPU", 0.0) >= 1.0
     ]
-    call = ray.remote(num_cpus=1)(_call)
+    call = ray.remote(num_cpus=1)(lambda: warm())
     # a node that goes meanwhile does no harm: soft affinity warms another one twice
     tasks = [call.options(scheduling_strategy=NodeAffinitySchedulingStrategy(node, soft=True)) for node in nodes]
     try:
-        ray.get([task.remote(warm) for task in tasks])
+        ray.get([task.remote() for task in tasks])
     except RayTaskError as error:
         raise error.cause from None  # as it would have been raised here
-
-
-def _call(function: Callable[[], None]) -> None:
-    """Call it there."""
-    function()

@@ -161,12 +161,7 @@ class TuningTask(Options):
 
 
 def tune(
-    turbine: Turbine,
-    task: TuningTask,
-    trials: int,
-    seed: int = 0,
-    output: Path | None = None,
-    progress: bool = False,
+    turbine: Turbine, task: TuningTask, trials: int, seed: int = 0, output: Path | None = None, progress: bool = False
 ) -> dict[str, Any]:
     """Search the parameters of least cost.
 

@@ -32,7 +32,7 @@ from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.run import ENDLESS, EpisodePlayer, benchmark_metrics
 from wt_gym.experiment.tuning import Cost
-from wt_gym.learning.linear_env import LinearVectorEnv
+from wt_gym.learning.linear_env import STILL, LinearVectorEnv
 from wt_gym.learning.pretraining_episodes import PlayedActions
 
 if TYPE_CHECKING:
@@ -76,11 +76,7 @@ def _metrics(
     env_id: str, arguments: Mapping[str, Any], agent: Any, job: tuple[float, int], o: LearnabilityOptions
 ) -> Any:
     """Metrics of a run, and offsets (n, 3) that its controller adds, over the control steps [rad]."""
-    env = gym.make(
-        env_id, max_episode_steps=ENDLESS,
-        **{**arguments, "relative_reward": False, "reward_credit": False, "starts": None, "start": "steady",
-           "episode_length": None},
-    )  # fmt: skip
+    env = gym.make(env_id, max_episode_steps=ENDLESS, **{**arguments, **STILL})
     plain = turbine_env_of(env)
     plain.outer_steps = ENDLESS
     speed, seed = job

@@ -314,22 +314,29 @@ def _make(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, bool]
     return recording.record(turbine, task.base, Wind(speed, seed), task.duration, offsets, drawn, task.fidelity)
 
 
-def change_of_power(
-    changes: Sequence[NDArray[np.float64]], modeled: Sequence[NDArray[np.float64]],
-    offsets: Sequence[NDArray[np.float64]], power: float,
+def curvature_of_power(
+    responses: NDArray[np.float64], row: int, explained: float,
+    offsets: Sequence[NDArray[np.float64]], changes: Sequence[NDArray[np.float64]], power: float,
 ) -> float:  # fmt: skip
     """Share of power that offsets take by the mean of their square [1/rad^2], not negative: the rest of a linear model.
 
     Parameters
     ----------
-    changes, modeled : sequence of numpy.ndarray, shape (n + 1,)
-        Change of power in each excited run, and that of the linear model [W].
+    responses : numpy.ndarray, shape (n_out, 3, n_taps)
+        That of power, in a row, becomes zero where it explains too little of an unseen run.
+    explained : float
+        Share of that.
     offsets : sequence of numpy.ndarray, shape (3, n)
-        [rad].
+        Of each excited run [rad].
+    changes : sequence of numpy.ndarray, shape (n_out, n + 1)
+        As of `wt_gym.learning.recording.identify`.
     power : float
         Mean without offsets [W].
     """
-    lost = sum(float((model - change).mean()) for change, model in zip(changes, modeled, strict=True))
+    if explained < _LEAST_EXPLAINED:
+        responses[row] = 0.0
+    linear = responses[row : row + 1]
+    lost = sum(float((respond(linear, u)[0] - c[row]).mean()) for u, c in zip(offsets, changes, strict=True))
     squares = sum(float((given**2).sum(0).mean()) for given in offsets)
     return max(lost / power / squares, 0.0)
 
@@ -355,19 +362,10 @@ def identified_plant(
         np.concatenate([run.outputs - twin.outputs, run.loads - twin.loads])
         for run, twin in zip(excited, still, strict=False)
     ]
-    trial = recording.identify(inputs[:-1], changes[:-1], taps, task.ridge, task.decay)
-    explained = recording.explained_share(trial, inputs[-1:], changes[-1:])
-    responses = recording.identify(inputs, changes, taps, task.ridge, task.decay)
+    responses, explained = recording.identify_and_judge(inputs, changes, taps, task.ridge, task.decay)
     skip = round(task.feedback.skip / dt)
-    power = len(OUTPUTS) + LOADS.index("power")
-    if explained[power] < _LEAST_EXPLAINED:
-        responses[power] = 0.0
-    curvature = change_of_power(
-        [change[power] for change in changes],
-        [respond(responses, given)[power] for given in inputs],
-        inputs,
-        float(np.mean([run.loads[LOADS.index("power")].mean() for run in still])),
-    )
+    mean = float(np.mean([run.loads[LOADS.index("power")].mean() for run in still]))
+    curvature = curvature_of_power(responses, POWER, explained[POWER], inputs, changes, mean)
     scale = np.mean([run.outputs[:, skip:].std(1) for run in still], axis=0)
     return Plant(responses, scale, curvature, pitch_delay(turbine.pitch, dt), dt), explained
 

@@ -9,7 +9,7 @@ with finite impulse responses G from runs with drawn offsets, by wind speed (`wt
 Spaces, action and reward are those of the environment whose arguments it is made of: observations are its own,
 recorded, with the effects on response, motion and offsets; the reward is that of its fatigue terms and of its pitch
 travel, beside zero actions, with credit (`wt_gym.envs.credit`) where it has that. What power takes is the square of the
-offsets times a coefficient from the runs (`wt_gym.learning.linear_design.change_of_power`). Left out are the ends of
+offsets times a coefficient from the runs (`wt_gym.learning.linear_design.curvature_of_power`). Left out are the ends of
 episodes, speeds beyond rated, and all that offsets do to the azimuth and to their own share.
 
 The model is made at the first use, of an hour and a half of simulated time, and kept in the cache of the user.
@@ -30,7 +30,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
+from wt_gym.analysis.metrics import BLADE_EXPONENT, damage_equivalent_load
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.user_cache import cached_file
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part, side_sign
@@ -44,10 +44,10 @@ from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.vector_env import Outcome, WindTurbineVectorEnv
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment.run import benchmark_fingerprint
-from wt_gym.learning.linear_design import change_of_power
+from wt_gym.learning.linear_design import Forecast, curvature_of_power
 from wt_gym.learning.linear_env_kernels import advance_all, observe_all
 from wt_gym.learning.options import Excitation
-from wt_gym.learning.recording import RecordingStore, explained_share, identify, respond, to_blades
+from wt_gym.learning.recording import RecordingStore, identify_and_judge, to_blades
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -58,13 +58,13 @@ if TYPE_CHECKING:
 
 RAW = (*LOADS, "edge_mean", "edge_tilt", "edge_yaw", "power")
 """What is recorded for the lifetime cost [N m, W]."""
+_POWER = RAW.index("power")
 SETTLED = 10.0
 """First part of a run, in which no episode starts [s]."""
-_STILL = {"relative_reward": False, "reward_credit": False, "starts": None, "start": "steady", "episode_length": None}
+STILL = {"relative_reward": False, "reward_credit": False, "starts": None, "start": "steady", "episode_length": None}
+"""Arguments of a run that is recorded: without starts amid operation, and with the reward of single steps."""
 _OWN = ("response_", "tower_velocity_", "tower_displacement_")
 """Beginnings of the names of channels that offsets move."""
-_LEAST_EXPLAINED = 0.3
-"""Share of the changes of power that a linear model must explain to be used [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,8 +180,7 @@ def record_runs(
 ) -> list[_Run]:
     """Runs of jobs (speed, seed, duration, actions), in several threads."""
     local = threading.local()
-    given = {**registered_arguments(env_id, dict(arguments)), **_STILL}
-    given.pop("env_id", None)
+    given = _modeled(env_id, arguments, **STILL)
 
     def play(job: tuple[float, int, float, NDArray[np.float64] | None]) -> _Run:
         if not hasattr(local, "env"):
@@ -195,9 +194,7 @@ def record_runs(
 
 def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions = ModelOptions()) -> LinearModel:
     """Record and identify a model, see `LinearModel`."""
-    given = {**registered_arguments(env_id, dict(arguments)), **_STILL}
-    given.pop("env_id", None)
-    env = WindTurbineEnv(**given)
+    env = WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
     check_environment(env)
     low, high = env.wind.speeds
     spans, dt = env.operation.action.pitch_high, env.control_dt
@@ -225,16 +222,11 @@ def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions 
             np.concatenate([a.raw - b.raw, a.observations[:, own] - b.observations[:, own]], axis=1).T
             for a, b in zip(moved[at], still[at], strict=True)
         ]
-        trial = identify(inputs[:-1], changes[:-1], lags, 1e-3, 4.0)
-        explained.append(explained_share(trial, inputs[-1:], changes[-1:]))
-        found = identify(inputs, changes, lags, 1e-3, 4.0)
-        power = RAW.index("power")
-        if explained[-1][power] < _LEAST_EXPLAINED:
-            found[power] = 0.0
-        mean = float(np.mean([run.raw[:, power].mean() for run in still[at]]))
-        modeled = [respond(found, given)[power] for given in inputs]
-        curvature.append(change_of_power([change[power] for change in changes], modeled, inputs, mean))
+        found, shares = identify_and_judge(inputs, changes, lags, 1e-3, 4.0)
+        mean = float(np.mean([run.raw[:, _POWER].mean() for run in still[at]]))
+        curvature.append(curvature_of_power(found, _POWER, shares[_POWER], inputs, changes, mean))
         responses.append(found)
+        explained.append(shares)
     return LinearModel(
         speeds=np.array([round(float(v), 2) for v in winds]), seeds=seeds, knots=knots,
         responses=np.stack(responses), explained=np.stack(explained), curvature=np.array(curvature),
@@ -258,9 +250,8 @@ def _stacked(runs: Sequence[_Run]) -> dict[str, Any]:
 
 def cached_model(env_id: str, arguments: Mapping[str, Any]) -> LinearModel:
     """Model from the cache of the user, or a new one."""
-    given = registered_arguments(env_id, dict(arguments))
-    described = {name: value for name, value in given.items() if name not in _NO_MATTER}
-    env = WindTurbineEnv(**{**{k: v for k, v in given.items() if k != "env_id"}, **_STILL})
+    described = {name: value for name, value in _modeled(env_id, arguments).items() if name not in _NO_MATTER}
+    env = WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
     definition = {
         "fingerprint": benchmark_fingerprint(env.turbine, env.fidelity),
         "env": env_id, "arguments": json.dumps(described, sort_keys=True, default=repr),
@@ -273,7 +264,7 @@ def cached_model(env_id: str, arguments: Mapping[str, Any]) -> LinearModel:
     return model
 
 
-_NO_MATTER = ("env_id", "reward", "relative_reward", "reward_credit", "start", "starts")
+_NO_MATTER = ("reward", "relative_reward", "reward_credit", "start", "starts")
 
 
 class LinearVectorEnv(WindTurbineVectorEnv):
@@ -463,7 +454,7 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         out = np.zeros((len(loads), steps, lags, 3))
         for lag in range(lags):
             ahead = slopes[:, lag + 1 : lag + 1 + steps]
-            out[:, :, lag] = np.einsum("rto,roj->rtj", ahead, self._responses[:, lag, : len(LOADS)]) * spans
+            out[:, :, lag] = np.einsum("abc,acj->abj", ahead, self._responses[:, lag, : len(LOADS)]) * spans
         if self._credited_steps:  # all of it in the step of the action
             out[:, :, 0] = out.sum(2)
             out[:, :, 1:] = 0.0
@@ -483,8 +474,8 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         return tuple(getattr(self.envs[0], name) for _ in range(self.num_envs))
 
 
-def _modeled(env_id: str, kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    given = registered_arguments(env_id, dict(kwargs))
+def _modeled(env_id: str, kwargs: Mapping[str, Any], **changes: Any) -> dict[str, Any]:
+    given = {**registered_arguments(env_id, dict(kwargs)), **changes}
     return {name: value for name, value in given.items() if name != "env_id"}
 
 
@@ -562,27 +553,18 @@ def _changed(
     model: LinearModel, env: WindTurbineEnv, k: int, change: NDArray[np.float64], offsets: NDArray[np.float64],
     curvature: float, skip: float,
 ) -> dict[str, float]:  # fmt: skip
-    dt, n = env.control_dt, len(change)
-    start = round(skip / dt)
-    raw, azimuth, pitch = (getattr(model, name)[k, -n:] for name in ("raw", "azimuth", "pitch"))
-    n_blades, found = pitch.shape[1], {}
-    time = (n - start) * dt
+    dt, start = env.control_dt, round(skip / env.control_dt)
+    raw, azimuth, pitch = (getattr(model, name)[k, -len(change) :] for name in ("raw", "azimuth", "pitch"))
 
-    def load(series: NDArray[np.float64], exponent: float) -> float:
-        return damage_equivalent_load(np.ascontiguousarray(series[start:]), time, exponent)
+    def metrics(loads: NDArray[np.float64], u: NDArray[np.float64]) -> dict[str, float]:
+        flap, edge, moved = (to_blades(part.T, azimuth, pitch.shape[1]) for part in (loads[:, :3], loads[:, 5:8], u))
+        tower, power = np.ascontiguousarray(loads[:, 3:5].T), float(loads[start:, _POWER].mean())
+        time = (len(loads) - start) * dt
+        return Forecast(flap, pitch.T + moved, tower, power).metrics(dt, env.turbine.pitch.max_rate, skip) | {
+            "blade_edge_del": max(damage_equivalent_load(blade[start:], time, BLADE_EXPONENT) for blade in edge)
+        }
 
-    for name, first in (("blade_flap_del", 0), ("blade_edge_del", 5)):
-        now, before = (
-            max(load(blade, BLADE_EXPONENT) for blade in to_blades(loads.T, azimuth, n_blades))
-            for loads in ((raw + change)[:, first : first + 3], raw[:, first : first + 3])
-        )
-        found[name] = now / before - 1.0
-    for name, row in (("tower_fore_aft_del", 3), ("tower_side_side_del", 4)):
-        found[name] = load((raw + change)[:, row], TOWER_EXPONENT) / load(raw[:, row], TOWER_EXPONENT) - 1.0
-    moved = pitch.T + to_blades(offsets.T, azimuth, n_blades)
-    duty = [float(np.abs(np.diff(one[:, start:])).mean()) / dt / env.turbine.pitch.max_rate for one in (moved, pitch.T)]
-    found["pitch_duty_cycle"] = duty[0] - duty[1]
-    mean = float(raw[start:, 8].mean())
-    square = float((offsets[start:] ** 2).sum(1).mean())
-    found["captured_power"] = float(change[start:, 8].mean()) / mean - curvature * square
-    return found
+    now, before = metrics(raw + change, offsets), metrics(raw, np.zeros_like(offsets))
+    found = {name: now[name] / value - 1.0 for name, value in before.items() if name != "pitch_duty_cycle"}
+    found["captured_power"] -= curvature * float((offsets[start:] ** 2).sum(1).mean())
+    return found | {"pitch_duty_cycle": now["pitch_duty_cycle"] - before["pitch_duty_cycle"]}

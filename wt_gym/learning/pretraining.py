@@ -32,13 +32,12 @@ from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning import pretraining_episodes
 from wt_gym.learning.options import Excitation
 from wt_gym.learning.pretraining_episodes import Actor, EpisodeJob, LinearizedEpisode, Plants, RecordedEpisode
-from wt_gym.learning.recording import RecordingStore, explained_share, identify
+from wt_gym.learning.recording import RecordingStore, identify, identify_and_judge
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
     from stable_baselines3.common.base_class import BaseAlgorithm
 
     from wt_gym.deployment.export.policy import Network
@@ -264,9 +263,7 @@ def pretrain(
 
 
 def forecast_front(
-    actor: Actor,
-    held_out: Sequence[LinearizedEpisode],
-    settings: Mapping[str, Mapping[str, float]] | None,
+    actor: Actor, held_out: Sequence[LinearizedEpisode], settings: Mapping[str, Mapping[str, float]] | None
 ) -> dict[str, list[float]]:
     """Forecast of the parts of the lifetime cost under a policy, less those of the base controller alone.
 
@@ -395,9 +392,6 @@ class _Work:
         still, moved = runs[: len(winds)], runs[len(winds) :]
         taps = round(options.memory / env.control_dt)
 
-        def fitted(inputs: Sequence[NDArray[np.float64]], changes: Sequence[NDArray[np.float64]]) -> Any:
-            return identify(inputs, changes, taps, options.ridge, options.decay)
-
         # the fit of the model is no linear response, and longer than the memory
         slow = [name.startswith("model_") for name in env.layout.observation.names]
         responses, seen, explained = [], [], {}
@@ -416,12 +410,13 @@ class _Work:
                     f"pretraining needs winds in which the turbine runs, and at {v:g} m/s{which} offsets change "
                     "nothing: give wind_speed a lower upper end, or leave the condition out"
                 )
-            shares = explained_share(fitted(inputs[:-1], changes[:-1]), inputs[-1:], changes[-1:])
+            found, shares = identify_and_judge(inputs, changes, taps, options.ridge, options.decay)
             explained[v] = dict(zip(pretraining_episodes.OUTPUTS, np.round(shares, 3).tolist(), strict=True))
-            responses.append(fitted(inputs, changes))
+            responses.append(found)
             if condition:
                 outputs = [(a.observations - b.observations).T.astype(float) for a, b in pairs]
-                answers = fitted([offsets[:, :-1] for offsets in inputs], outputs)
+                before = [offsets[:, :-1] for offsets in inputs]
+                answers = identify(before, outputs, taps, options.ridge, options.decay)
                 answers[slow] = 0.0
                 seen.append(answers)
             self._say(f"{v:g} m/s: explained " + ", ".join(f"{k} {s:.2f}" for k, s in explained[v].items()))

@@ -279,14 +279,20 @@ def identify(
 
 
 def explained_share(
-    responses: NDArray[np.float64],
-    inputs: Sequence[NDArray[np.float64]],
-    changes: Sequence[NDArray[np.float64]],
+    responses: NDArray[np.float64], inputs: Sequence[NDArray[np.float64]], changes: Sequence[NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     """Share of the mean square of changes, as of `identify`, that responses explain (n_out,); 1: a perfect model."""
     left = [c - respond(responses, u) for u, c in zip(inputs, changes, strict=True)]
     whole = sum((c**2).sum(1) for c in changes)
     return np.asarray(1.0 - sum((e**2).sum(1) for e in left) / whole)
+
+
+def identify_and_judge(
+    inputs: Sequence[NDArray[np.float64]], changes: Sequence[NDArray[np.float64]], taps: int, ridge: float, decay: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Responses as of `identify`, fitted to all runs, and shares of the last run that a fit to the others explains."""
+    trial = identify(inputs[:-1], changes[:-1], taps, ridge, decay)
+    return identify(inputs, changes, taps, ridge, decay), explained_share(trial, inputs[-1:], changes[-1:])
 
 
 TOWER = (6, 7)

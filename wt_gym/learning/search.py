@@ -7,8 +7,7 @@ and resumes there; what it has found is a YAML file that training takes.
 from __future__ import annotations
 
 import json
-from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ import yaml
 
 from wt_gym.base.files import json_values, write_text_whole
 from wt_gym.experiment.run_folder import RunFolder
+from wt_gym.experiment.tuning import SearchRange
 from wt_gym.learning.callbacks import stop_on_signals
 from wt_gym.learning.hyperparameters import replaced
 from wt_gym.learning.train import train
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import optuna
+    from optuna.distributions import BaseDistribution
+    from optuna.trial import TrialState
 
     from wt_gym.learning.callbacks import StopRequest
     from wt_gym.learning.options import TrainingConfig
@@ -31,71 +33,33 @@ if TYPE_CHECKING:
 
 BEST_FILE = "best.yml"
 _STORAGE, _PLAN = "search.db", "search.json"
-
-
-@dataclass(frozen=True)
-class Range:
-    """Numbers from ``low`` to ``high``, evenly in themselves or in their logarithm."""
-
-    low: float
-    high: float
-    log: bool = False
-
-    def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
-        """Value of a trial."""
-        kind: Callable[..., Any] = trial.suggest_int if isinstance(self.low, int) else trial.suggest_float
-        return kind(name, self.low, self.high, log=self.log)
-
-    def key(self, value: Any) -> Any:
-        """Optuna's form of a value, None if it is outside."""
-        return value if isinstance(value, int | float) and self.low <= value <= self.high else None
-
-
-@dataclass(frozen=True)
-class Choice:
-    """One of several values."""
-
-    values: tuple[Any, ...]
-
-    def suggest(self, trial: optuna.trial.BaseTrial, name: str) -> Any:
-        """Value of a trial; Optuna keeps texts, not lists."""
-        return json.loads(trial.suggest_categorical(name, [json.dumps(value) for value in self.values]))
-
-    def key(self, value: Any) -> Any:
-        """Optuna's form of a value, None if it is outside."""
-        return json.dumps(value) if value in self.values else None
-
-
-_SHARED: dict[str, Range | Choice] = {
-    "learning_rate": Range(1e-5, 3e-3, log=True),
-    "gamma": Choice((0.95, 0.97, 0.98, 0.99, 0.995)),
-    "net_arch": Choice(([64, 64], [128, 128], [256, 256])),
+_FALLING = "lin_"  # a learning rate that falls to zero still does in a trial, from another one
+_SHARED: dict[str, SearchRange | tuple[Any, ...]] = {
+    "learning_rate": SearchRange(1e-5, 3e-3, log=True),
+    "gamma": (0.95, 0.97, 0.98, 0.99, 0.995),
+    "net_arch": ([64, 64], [128, 128], [256, 256]),
 }
-_OFF_POLICY: dict[str, Range | Choice] = _SHARED | {
-    "batch_size": Choice((128, 256, 512)),
-    "learning_starts": Choice((1000, 2000, 5000, 10_000)),
-    "tau": Range(0.001, 0.05, log=True),
-    "update_every": Choice((1, 4, 8, 16, 32)),  # the updates keep pace with it: gradient_steps is -1
+_OFF_POLICY: dict[str, SearchRange | tuple[Any, ...]] = _SHARED | {
+    "batch_size": (128, 256, 512),
+    "learning_starts": (1000, 2000, 5000, 10_000),
+    "tau": SearchRange(0.001, 0.05, log=True),
+    "update_every": (1, 4, 8, 16, 32),  # the updates keep pace with it: gradient_steps is -1
 }
-SPACES: dict[str, dict[str, Range | Choice]] = {
+SPACES: dict[str, dict[str, SearchRange | tuple[Any, ...]]] = {
     "PPO": _SHARED
     | {
-        "rollout_steps": Choice((512, 1024, 2048, 4096)),
-        "batch_size": Choice((64, 128, 256, 512)),
-        "n_epochs": Range(3, 15),
-        "gae_lambda": Range(0.85, 1.0),
-        "clip_range": Range(0.1, 0.4),
-        "ent_coef": Range(1e-7, 1e-2, log=True),
-        "log_std_init": Range(-2.5, 0.0),
+        "rollout_steps": (1024, 2048, 4096, 8192),
+        "batch_size": (64, 128, 256, 512),
+        "n_epochs": SearchRange(3, 15),
+        "gae_lambda": SearchRange(0.85, 1.0),
+        "clip_range": SearchRange(0.1, 0.4),
+        "ent_coef": SearchRange(1e-7, 1e-2, log=True),
+        "log_std_init": SearchRange(-2.5, 0.0),
     },
     "SAC": _OFF_POLICY,
-    "TQC": _OFF_POLICY | {"top_quantiles_to_drop_per_net": Range(0, 6)},
+    "TQC": _OFF_POLICY | {"top_quantiles_to_drop_per_net": SearchRange(0, 6)},
 }
-"""What is searched, by algorithm."""
-
-
-class _Interrupted(Exception):
-    """Somebody asked to stop in the middle of a trial."""
+"""What is searched, by algorithm: intervals, or one of several values."""
 
 
 def _claim(folder: Path, config: TrainingConfig) -> None:
@@ -110,10 +74,40 @@ def _claim(folder: Path, config: TrainingConfig) -> None:
     write_text_whole(file, json.dumps(given, indent=1) + "\n")
 
 
-def _present_keys(config: TrainingConfig) -> dict[str, Any]:
+def _present(config: TrainingConfig) -> dict[str, Any]:
     """First trial of a search: the present hyperparameters, where they lie in the search space, as Optuna has them."""
-    keys = {name: part.key(config.resolved.get(name)) for name, part in SPACES[config.algorithm].items()}
-    return {name: key for name, key in keys.items() if key is not None}
+    found: dict[str, Any] = {}
+    for name, part in SPACES[config.algorithm].items():
+        value = config.resolved.get(name)
+        value = float(value.removeprefix(_FALLING)) if isinstance(value, str) else value
+        if isinstance(part, SearchRange) and isinstance(value, int | float) and part.low <= value <= part.high:
+            found[name] = value
+        elif isinstance(part, tuple) and value in part:
+            found[name] = json.dumps(value)
+    return found
+
+
+def _distributions(algorithm: str) -> dict[str, BaseDistribution]:
+    """Search space as Optuna has it, which keeps texts, not lists."""
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+
+    found: dict[str, BaseDistribution] = {}
+    for name, part in SPACES[algorithm].items():
+        if isinstance(part, tuple):
+            found[name] = CategoricalDistribution([json.dumps(value) for value in part])
+        elif isinstance(part.low, int):
+            found[name] = IntDistribution(part.low, int(part.high))
+        else:
+            found[name] = FloatDistribution(part.low, part.high, log=part.log)
+    return found
+
+
+def _replaced(config: TrainingConfig, trial: optuna.Trial | optuna.trial.FrozenTrial) -> dict[str, Any]:
+    """Hyperparameters of a configuration with those of a trial."""
+    found = {name: json.loads(v) if isinstance(v, str) else v for name, v in trial.params.items()}
+    if isinstance(config.resolved["learning_rate"], str):
+        found["learning_rate"] = f"{_FALLING}{found['learning_rate']}"
+    return replaced(config.resolved, found)
 
 
 def search(
@@ -159,24 +153,16 @@ def search(
             load_if_exists=True,
         )
         if not _ended(study):
-            study.enqueue_trial(_present_keys(config))
-
-        def note(study: optuna.Study, trial: optuna.trial.FrozenTrial) -> None:
-            if progress is not None:
-                result = trial.state.name.lower() if trial.value is None else f"return {trial.value:+.2f}"
-                progress(f"trial {trial.number}: {result} with {trial.params}")
-            _write_best(study, config, run.path)
-            if stop.signal_number is not None:
-                study.stop()
-
-        # an interrupted trial counts as failed
-        with suppress(_Interrupted):
-            study.optimize(
-                lambda trial: _run_trial(trial, config, run.path, stop),
-                n_trials=max(0, trials - _ended(study)),
-                callbacks=[note],
-            )
+            study.enqueue_trial(_present(config))
         best = _write_best(study, config, run.path)
+        while _ended(study) < trials and stop.signal_number is None:
+            trial = study.ask(_distributions(config.algorithm))
+            state, value = _run_trial(trial, config, run.path, stop)
+            done = study.tell(trial, value, state)
+            if progress is not None:
+                result = state.name.lower() if done.value is None else f"return {done.value:+.2f}"
+                progress(f"trial {trial.number}: {result} with {trial.params}")
+            best = _write_best(study, config, run.path)
         ended = _ended(study)
         return {
             "status": "finished" if ended >= trials else "interrupted",
@@ -187,29 +173,23 @@ def search(
         }
 
 
-def _run_trial(trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: StopRequest) -> float:
+def _run_trial(
+    trial: optuna.Trial, config: TrainingConfig, folder: Path, stop: StopRequest
+) -> tuple[TrialState, float | None]:
     """Train with the hyperparameters of a trial; give the return against the baseline's of the last evaluation."""
-    import optuna
+    from optuna.trial import TrialState
 
     def keep(steps: int, figures: dict[str, Any]) -> bool:
         trial.report(figures["episode_return"], steps)
         return not trial.should_prune()
 
-    found = replaced(config.resolved, _hyperparameters(trial, config.algorithm))
-    its_config = replace(config, hyperparameters=found)
     record = train(
-        its_config, folder / f"trial-{trial.number}", on_evaluation=keep, overwrite=True, progress=False, stop=stop
-    )
-    if record["status"] == "interrupted":
-        raise _Interrupted
-    if record["status"] == "stopped":
-        raise optuna.TrialPruned
-    return float(record["evaluation"]["curve"]["episode_return"][-1])
-
-
-def _hyperparameters(trial: optuna.Trial | optuna.trial.FrozenTrial, algorithm: str) -> dict[str, Any]:
-    """Hyperparameters of a trial."""
-    return {name: part.suggest(trial, name) for name, part in SPACES[algorithm].items()}
+        replace(config, hyperparameters=_replaced(config, trial)), folder / f"trial-{trial.number}",
+        on_evaluation=keep, overwrite=True, progress=False, stop=stop,
+    )  # fmt: skip
+    if record["status"] in ("interrupted", "stopped"):
+        return TrialState.FAIL if record["status"] == "interrupted" else TrialState.PRUNED, None
+    return TrialState.COMPLETE, float(record["evaluation"]["curve"]["episode_return"][-1])
 
 
 def _ended(study: optuna.Study) -> int:
@@ -221,7 +201,7 @@ def _write_best(study: optuna.Study, config: TrainingConfig, folder: Path) -> di
     """Write the hyperparameters of the best trial as training takes them; None before there is one."""
     if not any(trial.state.name == "COMPLETE" for trial in study.trials):
         return None
-    best: dict[str, Any] = json_values(replaced(config.resolved, _hyperparameters(study.best_trial, config.algorithm)))
+    best: dict[str, Any] = json_values(_replaced(config, study.best_trial))
     text = (
         f"# {config.algorithm}: best of {_ended(study)} trials of {config.total_steps} steps, return against the "
         f"baseline's {study.best_value:+.2f}\n"

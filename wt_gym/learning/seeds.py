@@ -25,12 +25,7 @@ _RECENT = 10  # episodes
 
 
 def train_seeds(
-    config: TrainingConfig,
-    folder: str | Path,
-    seeds: Iterable[int],
-    *,
-    overwrite: bool = False,
-    progress: bool = True,
+    config: TrainingConfig, folder: str | Path, seeds: Iterable[int], *, overwrite: bool = False, progress: bool = True
 ) -> dict[str, Any]:
     """Train with every seed instead of that of the configuration, each in a folder ``seed-<n>``.
 
@@ -64,11 +59,7 @@ def train_seeds(
 
 
 def resume_seeds(
-    folder: str | Path,
-    *,
-    total_steps: int | None = None,
-    max_seconds: float | None = None,
-    progress: bool = True,
+    folder: str | Path, *, total_steps: int | None = None, max_seconds: float | None = None, progress: bool = True
 ) -> dict[str, Any]:
     """Resume `train_seeds` where it was stopped: with the seed it was at, then with those that have not begun.
 

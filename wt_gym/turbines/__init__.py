@@ -7,16 +7,7 @@
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation
 from wt_gym.turbines.blade import BeamStations, Blade, BladeIce
 from wt_gym.turbines.catalogue import catalogue, load_turbine
-from wt_gym.turbines.model import (
-    ControlData,
-    Drivetrain,
-    Hub,
-    Nacelle,
-    PitchSystem,
-    Support,
-    Tower,
-    Turbine,
-)
+from wt_gym.turbines.model import ControlData, Drivetrain, Hub, Nacelle, PitchSystem, Support, Tower, Turbine
 
 __all__ = [
     "Airfoil",

@@ -37,10 +37,7 @@ _RIGID_SHAFT = 1e15
 
 
 def read_openfast(
-    path: str | Path,
-    rated_power: float | None = None,
-    rated_rotor_speed: float | None = None,
-    blade: str | None = None,
+    path: str | Path, rated_power: float | None = None, rated_rotor_speed: float | None = None, blade: str | None = None
 ) -> Turbine:
     """Build a turbine from an OpenFAST model of any release from 2 to 5.
 

@@ -325,14 +325,8 @@ def _tabulated_power_coefficient(file: TextFile, pitch: float, tip_speed_ratio: 
 
 _COLUMNS = {
     "wind": (r"wind1velx|wind ?speed|v|u", {"m/s": 1.0, "": 1.0}),
-    "power": (
-        r"gen(erator)? ?(pwr|power)|(rotor )?electrical power",
-        {"w": 1.0, "kw": 1e3, "mw": 1e6},
-    ),
-    "rotor_speed": (
-        r"rot(or)? ?speed|rotor rotational speed|rotor rpm",
-        {"rpm": _RPM, "rad/s": 1.0, "": _RPM},
-    ),
+    "power": (r"gen(erator)? ?(pwr|power)|(rotor )?electrical power", {"w": 1.0, "kw": 1e3, "mw": 1e6}),
+    "rotor_speed": (r"rot(or)? ?speed|rotor rotational speed|rotor rpm", {"rpm": _RPM, "rad/s": 1.0, "": _RPM}),
     "pitch": (r"blade ?pitch|bldpitch1|pitch( angle)?", {"deg": np.pi / 180.0, "rad": 1.0}),
     "thrust": (r"(rotor|aero|aerodynamic) ?thrust|thrust", {"n": 1.0, "kn": 1e3, "mn": 1e6}),
 }

@@ -188,13 +188,7 @@ def _read_airfoils(
     return tuple(airfoils), axis.z(stations), np.array(index, dtype=np.int64)
 
 
-def _positions(
-    shape: Node,
-    entries: list[Node],
-    named: Array,
-    grid: Array,
-    thickness: Array,
-) -> Array:
+def _positions(shape: Node, entries: list[Node], named: Array, grid: Array, thickness: Array) -> Array:
     """Return the spanwise positions of the listed airfoils, from the file or from where their thickness occurs."""
     if all("spanwise_position" in entry for entry in entries):
         position = np.array([entry.number("spanwise_position", 0.0, 1.0) for entry in entries])

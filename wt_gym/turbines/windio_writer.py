@@ -271,13 +271,7 @@ def _tower(tower: Tower) -> dict[str, Any]:
     }
 
 
-def _sections(
-    name: str,
-    grid: Array,
-    stiffness: Array,
-    inertia: Array,
-    damping: float,
-) -> dict[str, Any]:
+def _sections(name: str, grid: Array, stiffness: Array, inertia: Array, damping: float) -> dict[str, Any]:
     """Return ``elastic_properties`` of section matrices (n, 6, 6) in the frame of the file."""
     table: dict[str, Any] = {"grid": grid.tolist()}
     for i in range(6):

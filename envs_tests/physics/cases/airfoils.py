@@ -357,11 +357,7 @@ def theodorsen_case(frequencies=FREQUENCIES) -> CaseResult:
     return CaseResult(checks, figures, notes)
 
 
-@case(
-    "theodorsen-convergence",
-    "Convergence of the unsteady lift in panels, step and wake",
-    THEODORSEN_SOURCE,
-)
+@case("theodorsen-convergence", "Convergence of the unsteady lift in panels, step and wake", THEODORSEN_SOURCE)
 def theodorsen_convergence() -> CaseResult:
     """Extrapolated lift at k = 0.5 and 1, and what coarse chords, other steps and shed positions cost."""
     checks, curves = [], []

@@ -715,7 +715,7 @@ def _real_blade(times):
     one, eight = tips["1 body", 0.25], tips["8 bodies", 0.25]
     apart = np.sqrt(np.mean(np.sum((one - eight) ** 2, axis=1))) / np.linalg.norm(eight[0])
     notes = [
-        f"curved, twisted blade, 0.25 × load: one body and eight are {100 * apart:.1f} % of the release apart (rms)",
+        f"curved, twisted blade, 0.25 × load: one body and eight are {100 * apart:.1f} % of the release apart (rms)"
     ]
     try:
         released(models["1 body"], 1.0, times[:2], 0.00025)

@@ -400,11 +400,7 @@ STUDIED = (
 )
 """The statements that the stand-in tower fails."""
 INFERRED = 3.0
-FORWARD = {
-    INFERRED: (0.25, 0.312, 0.34, 0.40, 0.43, 0.45, 0.48, 0.52, 0.65, 1.0),
-    5.0: (0.43, 0.45),
-    8.6: (0.43, 0.45),
-}
+FORWARD = {INFERRED: (0.25, 0.312, 0.34, 0.40, 0.43, 0.45, 0.48, 0.52, 0.65, 1.0), 5.0: (0.43, 0.45), 8.6: (0.43, 0.45)}
 """Side-side frequencies of the towers of the joint study [Hz] by the distance of the nacelle's center of mass before
 the tower [m]: the inferred one, and more weight forward. The blades pass at 0.37 and 0.575 Hz."""
 

@@ -429,12 +429,7 @@ STEPS = {
     "torque + 2 kN m": ({"torque": 2000.0}, "generator_torque", 2000.0),
     "wind + 0.2 m/s": ({"wind": 0.2}, "wind_speed", 0.2),
 }
-TOLERANCES = {
-    "rotor_speed": 0.1,
-    "tower_top_fore_aft": 0.1,
-    "tip_out_of_plane": 0.25,
-    "root_flap_moment": 0.35,
-}
+TOLERANCES = {"rotor_speed": 0.1, "tower_top_fore_aft": 0.1, "tip_out_of_plane": 0.25, "root_flap_moment": 0.35}
 
 
 def step_responses(settle, wind=18.0, duration=6.0):

@@ -31,11 +31,7 @@ from wt_gym.control.controllers.controller import (
     readings_of,
     starting_part,
 )
-from wt_gym.control.controllers.discon import (
-    BaselineParameters,
-    DisconController,
-    nrel_5mw_parameters,
-)
+from wt_gym.control.controllers.discon import BaselineParameters, DisconController, nrel_5mw_parameters
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
 from wt_gym.control.controllers.own import retuned_parameters
 from wt_gym.control.controllers.supervisor import STATES, Supervisor, supervisor_of

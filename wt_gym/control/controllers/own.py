@@ -193,10 +193,7 @@ def own_controller(turbine: Turbine, **parameters: Any) -> Controller:
     return DisconController(made)
 
 
-_PARTS = {
-    "gains of the pitch": "gain_pitch",
-    "filter of the speed": "speed_filter_frequency",
-}
+_PARTS = {"gains of the pitch": "gain_pitch", "filter of the speed": "speed_filter_frequency"}
 _PARTS_OF_CURVE = _PARTS | {"gain of region 2": "region_2_gain"}
 _PARTS_OF_TRACKING = _PARTS | {
     "torque gains": "torque_proportional_gain",

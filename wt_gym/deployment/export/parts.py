@@ -540,10 +540,7 @@ def _side_side(parts: Parts, addition: SideSideDamper, step: float) -> None:
 
 def _yaw(parts: Parts, addition: YawByDeadBand, step: float) -> None:
     parts.take("yaw", addition, "yaw_")
-    parts.values |= {
-        "yaw_slow_time": addition._slow.time_constant,
-        "yaw_fast_time": addition._fast.time_constant,
-    }
+    parts.values |= {"yaw_slow_time": addition._slow.time_constant, "yaw_fast_time": addition._fast.time_constant}
     parts.reads["YAW"] = {"yaw_error"}
 
 
