@@ -1,8 +1,8 @@
 """Train PPO of stable-baselines3 on a wind turbine, and draw its learning curve.
 
-    python agents/train_sb3.py                      # half an hour on two cores
-    python agents/train_sb3.py --linear 4000000 --steps 400000    # first on a linear model of the turbine: five minutes
-    python agents/train_sb3.py --linear 4000000 --steps 0         # there alone
+    python agents/train_sb3.py --linear 6000000 --steps 0        # on a linear model of the turbine: five minutes
+    python agents/train_sb3.py                                   # in the simulator: half an hour on two cores
+    python agents/train_sb3.py --linear 6000000 --steps 400000   # one after the other
 
 The turbine runs under its base controller; the policy adds three offsets to the pitch of the blades (mean, tilt, yaw).
 The reward of the task is relative to zero actions in the same wind: a return above 0 is better than the base controller
@@ -24,7 +24,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 from wt_gym.learning.environments import TurbineVecEnv
 
 ENV_ID, LINEAR_ID = "wt_gym/LoadReduction-v3", "wt_gym/LoadReduction-Linear-v0"
-ROLLOUT = 8192
+ROLLOUT = 16384
 
 
 class Returns(VecMonitor):
@@ -59,7 +59,7 @@ def learn(env_id, turbines, steps, seed, policy=None):
     envs = Returns(TurbineVecEnv(env_id, turbines))
     fine = policy is not None  # smaller steps of a policy that is good already
     model = PPO(
-        "MlpPolicy", envs, n_steps=max(min(ROLLOUT, steps) // turbines, 2), batch_size=512, gamma=0.98, ent_coef=0.005,
+        "MlpPolicy", envs, n_steps=max(min(ROLLOUT, steps) // turbines, 2), batch_size=2048, gamma=0.98, ent_coef=0.005,
         learning_rate=lambda left: (5e-4 if fine else 3e-3) * left,
         policy_kwargs={"net_arch": {"pi": [], "vf": [64, 64]}, "log_std_init": -1.5}, seed=seed, device="cpu",
         verbose=1,

@@ -22,7 +22,7 @@ from torch import nn
 import wt_gym  # noqa: F401 - registers the environments
 
 GAMMA, LAMBDA = 0.98, 0.95  # per control step: the discount looks 10 s ahead
-CLIP, RATE, EPOCHS, BATCH, ROLLOUT, ENTROPY = 0.2, 3e-3, 10, 512, 8192, 0.005
+CLIP, RATE, EPOCHS, BATCH, ROLLOUT, ENTROPY = 0.2, 3e-3, 10, 2048, 16384, 0.005
 
 
 class Agent(nn.Module):

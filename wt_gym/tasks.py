@@ -220,7 +220,14 @@ TASKS = {
             "Load reduction on a turbine of 22 MW, whose own controller cuts the peak of the thrust.",
             "as LoadReduction",
             60.0,
-            {**_LOAD_REDUCTION, **RECORDS["iea_22mw"].arguments, "turbine": "iea_22mw", "action_spans": _spans(1.7)},
+            {
+                **_LOAD_REDUCTION,
+                **RECORDS["iea_22mw"].arguments,
+                "turbine": "iea_22mw",
+                "action_spans": _spans(1.7),
+                # its drives move heavy blades slowly: at a higher price their use hides what offsets do to the loads
+                "reward": {**_OFFSETS["reward"], "actuator_use": 1.2},
+            },
         ),
         Task(
             "FullOperation",

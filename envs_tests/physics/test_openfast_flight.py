@@ -32,8 +32,10 @@ def agent(tmp_path_factory):
     """Folder of an agent that was trained for a moment on what a turbine measures, and acts strongly."""
     folder = tmp_path_factory.mktemp("agent") / "run"
     config = TrainingConfig(
-        env_kwargs={"observation": "measurable", "controller": BASE, "wind_speed": 15.0, "start": "steady"},
-        total_steps=64, n_envs=1, hyperparameters={"n_steps": 64, "batch_size": 64}, eval_every=0, tensorboard=False,
+        env_kwargs={"observation": "measurable", "controller": BASE, "wind_speed": 15.0, "start": "steady",
+                    "residual_form": "rate", "control_dt": 0.1, "sensor_washout": 20.0, "reward_credit": False},
+        hyperparameters={"n_steps": 64, "batch_size": 64, "linear_policy": False}, total_steps=64, n_envs=1,
+        eval_every=0, tensorboard=False,
     )  # fmt: skip
     train(config, folder, progress=False)
     trained = TrainedAgent.load(folder)

@@ -47,7 +47,7 @@ def test_files_lie_on_top_of_the_package_and_options_on_top_of_files(tmp_path):
     file.write_text(f"default:\n  gamma: 0.9\n  n_epochs: 3\n{TASK}:\n  gamma: 0.95\n  learning_rate: 1e-3\n")
     values = hyperparameters_for("PPO", TASK, file, {"n_epochs": 4})
     assert (values["gamma"], values["n_epochs"], values["learning_rate"]) == (0.95, 4, 1e-3)
-    assert values["rollout_steps"] == 8192
+    assert values["rollout_steps"] == 16384
     assert hyperparameters_for("PPO", STEADY, file)["gamma"] == 0.9
 
 

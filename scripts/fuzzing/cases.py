@@ -141,7 +141,7 @@ def _drawn_action(turbine: Turbine, has_table: bool, policy: str, rng: np.random
     more: dict[str, Any] = {"residual_fade": bool(rng.random() < 0.5)}
     more["residual_washout"] = 10.0 if rng.random() < 0.3 else None
     absent = (
-        {"disturbances", "model_fit", "supervisor", "power_reference", "power_forecast", "dial"}
+        {"disturbances", "own_response", "model_fit", "supervisor", "power_reference", "power_forecast", "dial"}
         | ({"dead_band"} if "yaw" not in beneath else set())
         | (set() if has_table else {"wind_estimate"})
     )

@@ -48,8 +48,8 @@ _OFF_POLICY: dict[str, SearchRange | tuple[Any, ...]] = _SHARED | {
 SPACES: dict[str, dict[str, SearchRange | tuple[Any, ...]]] = {
     "PPO": _SHARED
     | {
-        "rollout_steps": (1024, 2048, 4096, 8192),
-        "batch_size": (64, 128, 256, 512),
+        "rollout_steps": (1024, 2048, 4096, 8192, 16384),
+        "batch_size": (64, 128, 256, 512, 2048),
         "n_epochs": SearchRange(3, 15),
         "gae_lambda": SearchRange(0.85, 1.0),
         "clip_range": SearchRange(0.1, 0.4),
