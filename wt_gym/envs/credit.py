@@ -13,8 +13,8 @@ impulse responses of the observer among the parts of the base controller; r are 
 
 which is the change that its own action makes, plus what the model has forecast wrongly. Differences of a potential add
 up to its last value, whatever the actions were, so the return of an episode is that of the rewards alone, with the
-effects beyond its end: no policy gains by them (Ng, Harada, Russell, ICML 1999). There is no discount in them: an agent
-with a short horizon sees the whole effect of its action.
+effects beyond its end: without a discount no policy gains by them (Ng, Harada, Russell, ICML 1999). There is none in
+the differences either, on purpose: a learner that discounts sees the whole effect of its action all the same.
 """
 
 from __future__ import annotations
