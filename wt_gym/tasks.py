@@ -253,7 +253,7 @@ TASKS = {
                 "wind_speed": (12.0, 18.0),
                 "observation": ("rotor", "power", "disturbances", "own_response", "offsets", "power_reference"),
                 "reward": {**_OFFSETS["reward"], "power": 0.0, "power_tracking": 2.5, "overspeed": 0.0},
-                # errors and an emptied rotor cost up to 42 a second, and the discount looks 20 s ahead
+                # errors and an emptied rotor cost up to 230 a second, and the discount looks 10 s ahead
                 "termination_penalty": 5000.0,
             },
         ),
@@ -269,7 +269,7 @@ TASKS = {
                 "observation": (*_OFFSETS["observation"], "dial"),
                 "reward_credit": False,  # the dial turns before the effects come
                 "dial_weights": "log_uniform",
-                # with all of the dial on fatigue the worst second costs 11, and the discount looks 20 s ahead
+                # with all of the dial on fatigue the worst second costs 61, and the discount looks 10 s ahead
                 "termination_penalty": 1250.0,
             },
         ),

@@ -4,7 +4,7 @@
     wt-gym learnability wt_gym/IEA15MW-LoadReduction-v4
     wt-gym learnability wt_gym/LoadReduction-v3 --env-kwargs '{"reward_credit": false}'
 
-The first use records a linear model of the turbine. docs/learnability.md explains the numbers.
+The first use records a linear model of the turbine. docs/howto/learnability.md explains the numbers.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Measure and print."""
+    from wt_gym.control.sensors import FIXED_FRAME
     from wt_gym.learning.learnability import DECISIONS, LearnabilityOptions, measure
 
     options = LearnabilityOptions(**chosen_options(arguments, LearnabilityOptions))
@@ -41,7 +42,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     print(f"bound of the actions: {100.0 * found.bound:.0f} % of linear_optimal's improvement of the lifetime cost")
     for horizon, values in found.alignment.items():
         print(f"alignment, horizon {horizon:g} s: " + ", ".join(
-            f"{name} {value:.2f}" for name, value in zip(("mean", "tilt", "yaw"), values, strict=True)
+            f"{name} {value:.2f}" for name, value in zip(FIXED_FRAME, values, strict=True)
         ))  # fmt: skip
     print(f"signal to noise of a gradient from {DECISIONS} decisions: {found.signal:.2f}")
     return {"task": arguments.task, **asdict(found)}
