@@ -37,12 +37,15 @@ __all__ = ["__version__"]
 __version__ = "0.1.0"
 
 
-def _register(env_id: str, arguments: dict[str, Any], **limits: Any) -> None:
+def _register(
+    env_id: str, arguments: dict[str, Any], single: str = "wt_gym.envs.turbine_env:WindTurbineEnv",
+    vector: str = "wt_gym.envs.vector_env:WindTurbineVectorEnv", **limits: Any,
+) -> None:  # fmt: skip
     """Register an id; ``arguments`` go to the environment, which learns of the id what of them a user may replace."""
     register(
         id=env_id,
-        entry_point="wt_gym.envs.turbine_env:WindTurbineEnv",
-        vector_entry_point="wt_gym.envs.vector_env:WindTurbineVectorEnv",
+        entry_point=single,
+        vector_entry_point=vector,
         kwargs={**arguments, "env_id": env_id},
         disable_env_checker=True,  # `gymnasium.make` decides by the id alone, and it warns of a vector reward
         **limits,
@@ -57,11 +60,7 @@ for _task in TASKS.values():
     _register(_task.id, _task.arguments, max_episode_steps=_task.max_episode_steps)
 
 for _task in (TASKS[name] for name in LINEAR):
-    register(
-        id=f"wt_gym/{_task.name}-Linear-v0",
-        entry_point="wt_gym.learning.linear_env:LinearTurbineEnv",
-        vector_entry_point="wt_gym.learning.linear_env:LinearVectorEnv",
-        kwargs={"modeled": _task.id},
-        max_episode_steps=_task.max_episode_steps,
-        disable_env_checker=True,
-    )
+    _register(
+        f"wt_gym/{_task.name}-Linear-v0", {"modeled": _task.id}, "wt_gym.learning.linear_env:LinearTurbineEnv",
+        "wt_gym.learning.linear_env:LinearVectorEnv", max_episode_steps=_task.max_episode_steps,
+    )  # fmt: skip

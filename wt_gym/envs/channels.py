@@ -15,7 +15,7 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.quantities import GRAVITY
 from wt_gym.control import Channel, NacelleAnemometer, torque_curve
 from wt_gym.control.controllers.additions import yaw_drive_of
-from wt_gym.control.controllers.linear_optimal import OUTPUTS, LoadObserver, linear_part
+from wt_gym.control.controllers.linear_optimal import OUTPUTS, LinearOptimalPitch, linear_part
 from wt_gym.control.controllers.supervisor import STATES, supervisor_of
 from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.control.sensors import FIXED_FRAME, to_fixed_frame
@@ -551,11 +551,10 @@ class Observable:
         share, schedule = "share in which the linear optimal pitch acts", "slow pitch that chooses between its designs"
         rows.append(("linear_pitch_share", "-", 0.5, 0.5, 0.0, 1.0, 0.0, share))
         rows.append(("linear_pitch_schedule", "rad", 0.1, 0.1, *self._action.pitch_limits, 0.0, schedule))
-        silent = isinstance(self._linear, LoadObserver)  # it asks for nothing
-        return [
-            self._computed(_disturbances, *row, index=k)
-            for k, row in enumerate(rows) if not (silent and row[-1].endswith(text))
-        ]  # fmt: skip
+        placed = list(enumerate(rows))
+        if not isinstance(self._linear, LinearOptimalPitch):  # an observer asks for nothing
+            del placed[-2 - len(FIXED_FRAME) : -2]
+        return [self._computed(_disturbances, *row, index=k) for k, row in placed]
 
     def _disturbed_bins(self) -> list[tuple[float, str]]:
         """Scale and meaning of the disturbance in each bin of delays: a random walk moves by the root of the time."""
@@ -590,7 +589,7 @@ class Observable:
 
     def _model_fit(self) -> list[Observed]:
         """Fit of the model of the linear optimal pitch, where readings are late, drives slow or gauges dead."""
-        if self._linear is None or isinstance(self._linear, LoadObserver):
+        if not isinstance(self._linear, LinearOptimalPitch):
             return []
         first = len(OUTPUTS) * len(self._linear.bins) + len(FIXED_FRAME) + 2
         rows = [

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from scipy.signal import lfilter
 
-from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part, side_sign
+from wt_gym.control.controllers.linear_optimal import LoadObserver, linear_part, side_sign
 from wt_gym.envs.credit_kernels import effect_to_come
 from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.terms import Term
@@ -63,6 +63,19 @@ def without_mean(series: NDArray[np.float64], dt: float, time_constant: float) -
     return np.asarray(series - lfilter([1.0 - kept], [1.0, -kept], series, axis=-1))
 
 
+def as_in_terms(
+    loads: NDArray[np.float64], turbine: Turbine, terms: Iterable[RewardTerm], dt: float
+) -> NDArray[np.float64]:
+    """Series of `wt_gym.envs.fatigue.LOADS` (m, 5, ..., n) [N m] as terms normalize and filter them, zero before."""
+    found = loads.copy()
+    for term in terms:
+        if isinstance(term, BladeFatigue | TowerForeAftFatigue | TowerSideSideFatigue):
+            rows, washed = term.rows
+            found[:, rows] /= term.reference(turbine)
+            found[:, washed] = without_mean(found[:, washed], dt, term.time_constant)
+    return found
+
+
 def held_responses(responses: NDArray[np.float64], times: int, length: int) -> NDArray[np.float64]:
     """Responses (..., length) to offsets that are held over ``times`` samples, at the ends of such times.
 
@@ -93,12 +106,7 @@ def normalized_responses(
     flap = design.responses[:, :3] * design.scale[:3, None, None]
     held = held_responses(np.concatenate([flap, design.loads], axis=1), times, round(HORIZON / dt))
     held[:, LOADS.index("tower_side_side")] *= side_sign(turbine)
-    for term in terms:
-        if isinstance(term, BladeFatigue | TowerForeAftFatigue | TowerSideSideFatigue):
-            rows, washed = term.rows
-            held[:, rows] /= term.reference(turbine)
-            held[:, washed] = without_mean(held[:, washed], dt, term.time_constant)
-    return np.ascontiguousarray(held.transpose(0, 3, 1, 2))
+    return np.ascontiguousarray(as_in_terms(held, turbine, terms, dt).transpose(0, 3, 1, 2))
 
 
 class Credit(Term):
@@ -144,7 +152,7 @@ class Credit(Term):
 
     def adjust(self, reward: float, terms: dict[str, float], step: int, _: float) -> tuple[float, dict[str, float]]:
         """Add what the action of the step changes in the steps to come; an early end takes back all that was paid."""
-        part = cast(LinearOptimalPitch, linear_part(cast("Controller", self._operation.controller)))
+        part = cast(LoadObserver, linear_part(cast("Controller", self._operation.controller)))
         size, acted = len(self._changes), part.acted()[:, : self._times].mean(1)
         response = sum(share * self._responses[k] for k, share in part.place())
         added = response @ acted

@@ -26,7 +26,7 @@ def fatigue_rate(loads, weights):
 
 @kernel(fastmath=False)
 def effect_to_come(loads, changes, first, weights, scratch):
-    """Sum of the changes of the rate by changes of loads (m, 5), which stand in a ring from ``first`` on.
+    """Sum of the changes of the rate by changes of loads (m, 5 or more), which stand in a ring from ``first`` on.
 
     Parameters
     ----------

@@ -26,19 +26,21 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from wt_gym.base.options import Options, option, option_record
-from wt_gym.control.controllers.linear_optimal import linear_part
+from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, linear_part
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.run import ENDLESS, EpisodePlayer, benchmark_metrics
 from wt_gym.experiment.tuning import Cost
-from wt_gym.learning.linear_env import STILL, LinearVectorEnv
+from wt_gym.learning.linear_env import STILL, LinearVectorEnv, cached_model
 from wt_gym.learning.pretraining_episodes import PlayedActions
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
+
+    from wt_gym.learning.linear_env import LinearModel
 
 HORIZONS = (1.0, 4.0, 20.0)
 """Horizons of the alignment [s]."""
@@ -96,7 +98,7 @@ def bound(env_id: str, arguments: Mapping[str, Any], o: LearnabilityOptions) -> 
     """Share of the improvement by the linear optimal pitch that the same offsets earn through the actions of a task."""
     plain = turbine_env_of(gym.make(env_id, **arguments))
     spans, names = plain.operation.action.pitch_high, plain.layout.action.names
-    if tuple(names) != tuple(f"pitch_{name}_offset" for name in ("mean", "tilt", "yaw")):
+    if tuple(names) != OFFSET_ACTIONS:
         raise ValueError(f"the bound needs actions that are offsets of mean, tilt and yaw, got {', '.join(names)}")
     free = {**arguments, "observation": ["rotor"]}
     gained, cost = np.zeros(2), Cost()
@@ -109,13 +111,15 @@ def bound(env_id: str, arguments: Mapping[str, Any], o: LearnabilityOptions) -> 
     return float(gained[1] / gained[0])
 
 
-def _models(env_id: str, arguments: Mapping[str, Any], count: int) -> LinearVectorEnv:
-    return LinearVectorEnv(count, autoreset_mode=AutoresetMode.DISABLED, modeled=env_id, **arguments)
+def _models(env_id: str, arguments: Mapping[str, Any], count: int, model: LinearModel | None) -> LinearVectorEnv:
+    return LinearVectorEnv(count, autoreset_mode=AutoresetMode.DISABLED, model=model, modeled=env_id, **arguments)
 
 
-def alignment(env_id: str, arguments: Mapping[str, Any]) -> dict[float, tuple[float, float, float]]:
+def alignment(
+    env_id: str, arguments: Mapping[str, Any], model: LinearModel | None = None
+) -> dict[float, tuple[float, float, float]]:
     """Alignment of the gradient of mean, tilt and yaw with that of an infinite horizon, by horizon [s]."""
-    models = _models(env_id, arguments, 1)
+    models = _models(env_id, arguments, 1, model)
     rates = models.gradient_rates()  # n_runs, n, n_lags, 3
     dt, (_, steps, lags, _) = models.envs[0].control_dt, rates.shape
     features = models.model.observations[:, :steps].reshape(-1, models.model.observations.shape[-1]).astype(float)
@@ -136,11 +140,14 @@ def alignment(env_id: str, arguments: Mapping[str, Any]) -> dict[float, tuple[fl
     return found
 
 
-def signal_to_noise(env_id: str, arguments: Mapping[str, Any], o: LearnabilityOptions, steps: int = 300) -> float:
+def signal_to_noise(
+    env_id: str, arguments: Mapping[str, Any], o: LearnabilityOptions, model: LinearModel | None = None,
+    steps: int = 300,
+) -> float:  # fmt: skip
     """Signal to noise of a policy gradient from `DECISIONS` decisions, at zero mean actions."""
     rng = np.random.default_rng(0)
     gradients = []
-    models = _models(env_id, arguments, o.models)
+    models = _models(env_id, arguments, o.models, model)
     for number in range(o.rounds):
         seeds = range(number * o.models, (number + 1) * o.models)
         seen = np.stack([first for first, _ in models.reset_each(seeds, None, range(o.models))])
@@ -190,5 +197,6 @@ def measure(
         If the task has no linear model, or its actions are no offsets of the pitch in the fixed frame.
     """
     arguments, options = dict(arguments or {}), options or LearnabilityOptions()
-    signal = signal_to_noise(env_id, arguments, options)
-    return Learnability(bound(env_id, arguments, options), alignment(env_id, arguments), signal)
+    model = cached_model(env_id, arguments)
+    signal = signal_to_noise(env_id, arguments, options, model)
+    return Learnability(bound(env_id, arguments, options), alignment(env_id, arguments, model), signal)

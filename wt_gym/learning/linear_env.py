@@ -33,9 +33,9 @@ from gymnasium.vector.utils import batch_space
 from wt_gym.analysis.metrics import BLADE_EXPONENT, damage_equivalent_load
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.user_cache import cached_file
-from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part, side_sign
+from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, LoadObserver, linear_part, side_sign
 from wt_gym.control.sensors import to_fixed_frame
-from wt_gym.envs.credit import HORIZON, fatigue_weights, without_mean
+from wt_gym.envs.credit import HORIZON, as_in_terms, fatigue_weights
 from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.options import PlainSpec, registered_arguments
 from wt_gym.envs.power import Power
@@ -43,7 +43,7 @@ from wt_gym.envs.rewards import ActuatorUse
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.vector_env import Outcome, WindTurbineVectorEnv
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
-from wt_gym.experiment.run import benchmark_fingerprint
+from wt_gym.experiment.run import ENDLESS, benchmark_fingerprint
 from wt_gym.learning.linear_design import Forecast, curvature_of_power
 from wt_gym.learning.linear_env_kernels import advance_all, observe_all
 from wt_gym.learning.options import Excitation
@@ -59,6 +59,7 @@ if TYPE_CHECKING:
 RAW = (*LOADS, "edge_mean", "edge_tilt", "edge_yaw", "power")
 """What is recorded for the lifetime cost [N m, W]."""
 _POWER = RAW.index("power")
+_WASHED = [row for kind in (BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue) for row in kind.rows[1]]
 SETTLED = 10.0
 """First part of a run, in which no episode starts [s]."""
 STILL = {"relative_reward": False, "reward_credit": False, "starts": None, "start": "steady", "episode_length": None}
@@ -103,8 +104,7 @@ def own_channels(env: WindTurbineEnv) -> list[int]:
 def check_environment(env: WindTurbineEnv) -> None:
     """Refuse an environment of which there is no linear model."""
     chosen, part = env.options.actions, linear_part(env.controller)
-    names = tuple(f"pitch_{name}_offset" for name in ("mean", "tilt", "yaw"))
-    if chosen.residual != "offset" or tuple(env.layout.action.names) != names:
+    if chosen.residual != "offset" or tuple(env.layout.action.names) != OFFSET_ACTIONS:
         raise ValueError(
             "a linear model needs action_mode='residual', pitch='fixed-frame', residual_form='offset' and "
             f"action_components=('pitch',), got the actions {list(env.layout.action.names)}"
@@ -154,12 +154,12 @@ def record_run(
     env: WindTurbineEnv, speed: float, seed: int, duration: float, actions: NDArray[np.float64] | None = None
 ) -> _Run:
     """Run for a duration [s] from the beginning of a wind, with actions (n, 3) or without."""
-    env.outer_steps = 10**9
+    env.outer_steps = ENDLESS
     observation, _ = env.reset(
         seed=seed, options={"azimuth": 0.0, "wind_speed": speed, "wind_seed": seed, "time_offset": 0.0}
     )
     seen, samples, acted = [observation], [_sample(env)], []
-    times = round(env.control_dt / cast(LinearOptimalPitch, linear_part(env.controller)).design.interval)
+    times = round(env.control_dt / cast(LoadObserver, linear_part(env.controller)).design.interval)
     nothing = np.zeros(3)
     for k in range(round(duration / env.control_dt)):
         observation, _, ended, _, info = env.advance(nothing if actions is None else actions[k])
@@ -170,7 +170,7 @@ def record_run(
             )
         seen.append(observation)
         samples.append(_sample(env))
-        acted.append(cast(LinearOptimalPitch, linear_part(env.controller)).acted()[:, :times].mean(1))
+        acted.append(cast(LoadObserver, linear_part(env.controller)).acted()[:, :times].mean(1))
     raw, azimuth, pitch, share = (np.array(part) for part in zip(*samples, strict=True))
     return _Run(np.array(seen), raw, azimuth, pitch, share, np.array(acted))
 
@@ -198,7 +198,7 @@ def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions 
     check_environment(env)
     low, high = env.wind.speeds
     spans, dt = env.operation.action.pitch_high, env.control_dt
-    part = cast(LinearOptimalPitch, linear_part(env.controller))
+    part = cast(LoadObserver, linear_part(env.controller))
     knots = np.linspace(low, high, options.speeds) if high > low else np.array([low])
     pairs = [(float(v), seed) for v in knots for seed in TRAINING_WIND_SEEDS[: options.excited]]
     size = part.design.limit / 4.0
@@ -303,18 +303,12 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         """Responses of each run, and what the reward is made of."""
         env, model, dt, n = self.envs[0], self.model, self.envs[0].control_dt, self.num_envs
         terms, turbine = env.reward_terms, env.turbine
-        runs = len(model.speeds)
         responses = np.array([_between(model.knots, model.responses, v) for v in model.speeds])
-        normalized = responses[:, : len(LOADS)].copy()
+        normalized = as_in_terms(responses[:, : len(LOADS)], turbine, terms, dt)
         recorded = model.raw[..., : len(LOADS)].transpose(0, 2, 1).copy()
-        for term in terms:
-            if isinstance(term, BladeFatigue | TowerForeAftFatigue | TowerSideSideFatigue):
-                rows, washed = term.rows
-                normalized[:, rows] /= term.reference(turbine)
-                recorded[:, rows] /= term.reference(turbine)
-                normalized[:, washed] = without_mean(normalized[:, washed], dt, term.time_constant)
-                recorded[:, washed] -= recorded[:, washed].mean(-1, keepdims=True)
-                recorded[:, washed] = without_mean(recorded[:, washed], dt, term.time_constant)
+        for row in _WASHED:  # filters begin with the mean of a run
+            recorded[:, row] -= recorded[:, row].mean(-1, keepdims=True)
+        recorded = as_in_terms(recorded, turbine, terms, dt)
         self._loads = np.ascontiguousarray(recorded.transpose(0, 2, 1))
         self._responses = np.ascontiguousarray(np.concatenate([normalized, responses], axis=1).transpose(0, 3, 1, 2))
         self._curvature = np.array([_between(model.knots, model.curvature, v) for v in model.speeds])
@@ -342,13 +336,12 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         self._offset, self._acted = np.zeros((n, 3)), np.zeros((n, 3))
         self._changes, self._effects = np.zeros((n, lags, outputs)), np.zeros((n, outputs))
         self._credited, self._rewards = np.zeros(n), np.zeros(n)
-        self._now, self._scratch, self._image = np.zeros(outputs), np.zeros(5), np.zeros((lags, len(LOADS)))
+        self._now, self._scratch = np.zeros(3), np.zeros(len(LOADS))
         self._dt = dt
         self._generators = [np.random.default_rng() for _ in range(n)]
         self._seeds: list[int | None] = [None] * n
         self._over = np.ones(n, dtype=np.bool_)
         self._threads, self._pool = 1, None
-        assert runs == len(self._recorded)
 
     # ---- episodes ----
 
@@ -414,7 +407,7 @@ class LinearVectorEnv(WindTurbineVectorEnv):
             ~over, values, self._spans, self._reach, model.share, self._run, self._time, self._offset, self._acted,
             self._changes, self._first, self._loads, self._responses, model.azimuth, model.pitch, self._lead,
             self._weights, self._use, self._power, self._credited_steps, self._credited, self._effects, self._rewards,
-            self._now, self._scratch, self._image,
+            self._now, self._scratch,
         )  # fmt: skip
         ended = (self._time >= self._end) & ~over
         rewards = self._dt * self._rewards

@@ -9,7 +9,7 @@ from wt_gym.envs.credit_kernels import effect_to_come, fatigue_rate
 @kernel(fastmath=False)
 def advance_all(
     running, actions, spans, reach, share, run, time, offset, acted, changes, first, loads, responses, azimuth, pitch,
-    lead, weights, use, power, lasting, credited, effects, rewards, now, scratch, image,
+    lead, weights, use, power, lasting, credited, effects, rewards, now, scratch,
 ):  # fmt: skip
     """Advance by one control step: offsets, what they change, and rewards beside zero actions.
 
@@ -43,7 +43,7 @@ def advance_all(
     credited, rewards : (n_envs,)
     effects : (n_envs, n_out)
         Changes of the outputs at the end of the step.
-    now, scratch, image : (n_out,), (5,), (n_lags, 5)
+    now, scratch : (3,), (5,)
     """
     for k in range(actions.shape[0]):
         rewards[k] = 0.0
@@ -54,7 +54,7 @@ def advance_all(
         part = share[row, instant]
         square = 0.0
         for j in range(3):
-            wanted = min(max(actions[k, j], -1.0), 1.0) * spans[j]
+            wanted = actions[k, j] * spans[j]
             move = min(max(wanted - offset[k, j], -reach), reach)
             now[j] = part * (offset[k, j] + lead * move)
             offset[k, j] += move
@@ -88,11 +88,8 @@ def advance_all(
             acted[k, j] = now[j]
         reward -= use * travel + power * square
         if lasting > 0:
-            for lag in range(size):
-                for j in range(5):
-                    image[lag, j] = changes[k, (first[k] + lag) % size, j]
             ahead = loads[row, instant + 2 : min(instant + 2 + lasting, loads.shape[1])]
-            effect = effect_to_come(ahead, image, 0, weights, scratch)
+            effect = effect_to_come(ahead, changes[k], first[k], weights, scratch)
             reward += effect - credited[k]
             credited[k] = effect
         rewards[k] = reward

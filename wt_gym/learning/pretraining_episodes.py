@@ -31,7 +31,7 @@ import torch
 from wt_gym.analysis.metrics import BLADE_EXPONENT, LIFETIME_COST_WEIGHTS, TOWER_EXPONENT
 from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
-from wt_gym.control.controllers.linear_optimal import linear_part, side_sign
+from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, linear_part, side_sign
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.envs.options import registered_arguments
@@ -162,7 +162,7 @@ def check_environment(env: WindTurbineEnv) -> None:
             "pretraining needs action_mode='residual', pitch='fixed-frame' and residual_form='offset', got "
             f"{chosen.mode!r}, {chosen.pitch!r} and {chosen.residual!r}"
         )
-    if tuple(env.layout.action.names) != tuple(f"pitch_{name}_offset" for name in ("mean", "tilt", "yaw")):
+    if tuple(env.layout.action.names) != OFFSET_ACTIONS:
         raise ValueError(f"pretraining needs the actions mean, tilt and yaw alone, got {list(env.layout.action.names)}")
     if linear_part(env.controller) is None:
         raise ValueError(

@@ -44,7 +44,7 @@ from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.additions import AboveRated, FadeParameters
 from wt_gym.control.controllers.controller import part_of
 from wt_gym.control.design import same_rotor, tower_top
-from wt_gym.control.sensors import BandLimitedIntegrator, LowPass, to_blades, to_harmonic, within
+from wt_gym.control.sensors import FIXED_FRAME, BandLimitedIntegrator, LowPass, to_blades, to_harmonic, within
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
 
@@ -312,6 +312,8 @@ class ModelFit:
         self._count += 1.0
 
 
+OFFSET_ACTIONS = tuple(f"pitch_{name}_offset" for name in FIXED_FRAME)
+"""Names of actions that are offsets of mean, tilt and yaw."""
 _MOST, _MOST_RATE = math.radians(4.0), math.radians(3.0)
 _TURNING, _CHANGING = 0.625, 0.375
 """Shares of the rate of the pitch drive: for cyclic pitch that lasts, and for its change [-]."""
@@ -415,15 +417,23 @@ class PitchOffsets:
 
 
 @option_record
-class LinearOptions(Options):
-    """Parameters of a `LinearOptimalPitch`."""
+class ObserverOptions(Options):
+    """Parameters of a `LoadObserver`."""
 
-    title = "linear_pitch"
+    title = "observer"
 
     file: Path | None = option(
         "design for the turbine and the base controller", default=None, unit="-",
         otherwise="the one shipped for the turbine",
     )  # fmt: skip
+
+
+@option_record
+class LinearOptions(ObserverOptions):
+    """Parameters of a `LinearOptimalPitch`."""
+
+    title = "linear_pitch"
+
     gain: float = option("factor on all offsets", default=1.0, unit="-", low=0.0, high=2.0)
 
 
@@ -441,11 +451,13 @@ def seen_bins(design: LinearDesign) -> tuple[tuple[int, int], ...]:
     return delay_bins(design.gains.shape[-1] * design.interval, design.interval, fine=3, growth=1.6)
 
 
-class LinearOptimalPitch:
-    """Addition that answers disturbances of loads and rotor speed by mean, tilt and yaw pitch.
+class LoadObserver:
+    """Addition that adds nothing: it knows the disturbances and what offsets of others do, for an agent to observe.
 
     Attributes
     ----------
+    gain : float
+        Factor on the offsets that the disturbances ask for.
     offsets : PitchOffsets
     disturbance : numpy.ndarray, shape (6,)
         Of the last step, in the units of `OUTPUTS`.
@@ -458,8 +470,10 @@ class LinearOptimalPitch:
         Natural frequencies of the tower [rad/s].
     """
 
-    def __init__(self, turbine: Turbine, design: LinearDesign, gain: float = 1.0) -> None:
-        self.design, self.gain = design, gain
+    gain: float = 0.0
+
+    def __init__(self, turbine: Turbine, design: LinearDesign) -> None:
+        self.design = design
         self.offsets = PitchOffsets(turbine, design.limit, design.rate_limit, design.fading)
         self.channels = channels_read(turbine.n_blades)
         self._knots = design.pitch.tolist()
@@ -482,16 +496,15 @@ class LinearOptimalPitch:
         self._forget()
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LinearOptimalPitch:
-        """Controller of a design, with parameters of `LinearOptions`.
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LoadObserver:
+        """Observer of a design, with parameters of `ObserverOptions`.
 
         Raises
         ------
         ValueError, FileNotFoundError, wt_gym.base.errors.ControllerError
             If no design is shipped for the turbine; if there is no such file; if it is not a design.
         """
-        o = LinearOptions(**parameters)
-        return cls(turbine, load_design(_shipped(turbine) if o.file is None else o.file), o.gain)
+        return cls(turbine, _design(turbine, ObserverOptions(**parameters).file))
 
     def start(self, signals: Readings) -> None:
         """Forget everything: nothing is added at this instant."""
@@ -560,14 +573,10 @@ class LinearOptimalPitch:
         return placed(self._knots, self._schedule.value)
 
     def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
-        """Add the offsets, which are decided at the interval of the design, or at every step where that is longer."""
-        speed, azimuth = signals["rotor_speed"], signals["azimuth"]
-        share = self.offsets.update_share(demand, speed, dt)
-        self._follow(signals, sum(map(float, demand.pitch)) / self.n_blades + self.offsets.acting[0], dt)
-        mean, tilt, yaw = self._wanted
-        changed = self.offsets.added((share * mean, share * tilt, share * yaw), demand, azimuth, speed, dt)
-        self._sum += dt * np.array(self.offsets.acting)
-        return changed
+        """Take what is measured; the demand stays."""
+        self.offsets.update_share(demand, signals["rotor_speed"], dt)
+        self._follow(signals, sum(map(float, demand.pitch)) / self.n_blades, dt)
+        return demand
 
     def _follow(self, signals: Readings, pitch: float, dt: float) -> None:
         """Take what is measured in a step [s], with the mean pitch that chooses between designs [rad]."""
@@ -588,9 +597,7 @@ class LinearOptimalPitch:
             found, measured = self._found(signals, self._acted, slow)
             self._past, self._lasting = self._moved(found, passed)
             self.disturbance[:] = found * self.design.scale
-            if self.gain > 0.0:  # an observer asks for nothing, and who it observes for sees no fit
-                self.fit.update(found, measured - found, passed)
-                self._wanted = tuple(self._answer(self._past, slow).tolist())
+            self._decide(found, measured, slow, passed)
             self._age -= passed
             self._fresh = False
         self._age += dt / self.design.interval
@@ -621,42 +628,50 @@ class LinearOptimalPitch:
         past[:, 0] = np.where(self._washes, found - lasting, found)
         return past, lasting
 
+    def _decide(
+        self, found: NDArray[np.float64], measured: NDArray[np.float64], pitch: float, passed: int
+    ) -> None:  # fmt: skip
+        """Nothing is decided."""
+
     def _answer(self, past: NDArray[np.float64], pitch: float) -> NDArray[np.float64]:
         """Offsets (3,) that the past of the disturbances asks for at a slow pitch [rad]."""
+        return np.zeros(3)
+
+
+class LinearOptimalPitch(LoadObserver):
+    """Addition that answers disturbances of loads and rotor speed by mean, tilt and yaw pitch."""
+
+    def __init__(self, turbine: Turbine, design: LinearDesign, gain: float = 1.0) -> None:
+        super().__init__(turbine, design)
+        self.gain = gain
+
+    @classmethod
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LinearOptimalPitch:
+        """Controller of a design, with parameters of `LinearOptions`; errors as of a `LoadObserver`."""
+        o = LinearOptions(**parameters)
+        return cls(turbine, _design(turbine, o.file), o.gain)
+
+    def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
+        """Add the offsets, which are decided at the interval of the design, or at every step where that is longer."""
+        speed, azimuth = signals["rotor_speed"], signals["azimuth"]
+        share = self.offsets.update_share(demand, speed, dt)
+        self._follow(signals, sum(map(float, demand.pitch)) / self.n_blades + self.offsets.acting[0], dt)
+        mean, tilt, yaw = self._wanted
+        changed = self.offsets.added((share * mean, share * tilt, share * yaw), demand, azimuth, speed, dt)
+        self._sum += dt * np.array(self.offsets.acting)
+        return changed
+
+    def _decide(
+        self, found: NDArray[np.float64], measured: NDArray[np.float64], pitch: float, passed: int
+    ) -> None:  # fmt: skip
+        self.fit.update(found, measured - found, passed)
+        self._wanted = tuple(self._answer(self._past, pitch).tolist())
+
+    def _answer(self, past: NDArray[np.float64], pitch: float) -> NDArray[np.float64]:
         wanted = np.zeros(3)
-        if self.gain == 0.0:
-            return wanted
         for k, share in placed(self._knots, pitch):
             wanted += share * self.gain * (self.design.gains[k].reshape(3, -1) @ past.reshape(-1))
         return wanted
-
-
-@option_record
-class ObserverOptions(Options):
-    """Parameters of a `LoadObserver`."""
-
-    title = "observer"
-
-    file: Path | None = option(
-        "design for the turbine and the base controller", default=None, unit="-",
-        otherwise="the one shipped for the turbine",
-    )  # fmt: skip
-
-
-class LoadObserver(LinearOptimalPitch):
-    """Addition that adds nothing: it knows the disturbances and what offsets of others do, for an agent to observe."""
-
-    @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LoadObserver:
-        """Observer with parameters of `ObserverOptions`; errors as of a `LinearOptimalPitch`."""
-        o = ObserverOptions(**parameters)
-        return cls(turbine, load_design(_shipped(turbine) if o.file is None else o.file), 0.0)
-
-    def step(self, signals: Readings, dt: float, demand: Demand) -> Demand:
-        """Take what is measured; the demand stays."""
-        self.offsets.update_share(demand, signals["rotor_speed"], dt)
-        self._follow(signals, sum(map(float, demand.pitch)) / self.n_blades, dt)
-        return demand
 
 
 def _shift(rows: NDArray[np.float64], steps: int) -> None:
@@ -674,6 +689,10 @@ def placed(knots: Sequence[float], value: float) -> list[tuple[int, float]]:
     return [(index, share) for index, share in ((k, 1.0 - weight), (k + 1, weight)) if share > 0.0]
 
 
+def _design(turbine: Turbine, file: Path | None) -> LinearDesign:
+    return load_design(_shipped(turbine) if file is None else file)
+
+
 def _shipped(turbine: Turbine) -> Path:
     """Design that comes with the package: for the rotor and for what it stands on."""
     for name in SHIPPED:
@@ -687,6 +706,6 @@ def _shipped(turbine: Turbine) -> Path:
     )
 
 
-def linear_part(controller: Controller | None) -> LinearOptimalPitch | None:
-    """The linear optimal pitch among the parts of a controller, None where it has none."""
-    return part_of(controller, LinearOptimalPitch)
+def linear_part(controller: Controller | None) -> LoadObserver | None:
+    """The observer, or linear optimal pitch, among the parts of a controller, None where it has none."""
+    return part_of(controller, LoadObserver)

@@ -500,7 +500,7 @@ def _individual_pitch(parts: Parts, addition: IndividualPitch, step: float) -> N
     parts.reads["IPC"] = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"}
 
 
-def _linear_pitch(parts: Parts, addition: LinearOptimalPitch, step: float) -> None:
+def _linear_pitch(parts: Parts, addition: LoadObserver, step: float) -> None:
     """Linear optimal pitch: its matrices go into the source, its limits into the parameters."""
     parts.groups |= {"linear", "acceleration"}
     design, offsets = addition.design, addition.offsets
