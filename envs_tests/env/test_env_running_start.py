@@ -23,7 +23,7 @@ from wt_gym.envs.record_store import (
     record_canary,
     recorded_speeds,
 )
-from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, StartRecorder
+from wt_gym.envs.running_record import ControllerForm, Record, RecordingPlan, StartRecorder, _places
 from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import parities
@@ -138,6 +138,17 @@ def test_a_start_follows_the_difference_of_the_winds(turbine):
     ]
     assert starts[0].azimuth == starts[1].azimuth
     assert 0.0 < starts[1].pitch.mean() - starts[0].pitch.mean() < np.radians(1.0)
+
+
+@pytest.mark.parametrize(("change", "share"), [(1e6, 1.0), (-1e6, 0.0)])
+def test_a_start_never_asks_for_more_torque_than_the_generator_has(turbine, change, share):
+    """A wind that differs from that of the record changes the torque, which ends at the limits."""
+    _, record = find_record(turbine, 1.0)
+    row = np.zeros(record._rows.shape[1])
+    row[_places(3)["generator_torque"]] = change
+    limit = turbine.drivetrain.max_generator_torque
+    assert 0.0 < record.at(turbine, 0).generator_torque < limit
+    assert record.at(turbine, 0, change=row).generator_torque == share * limit
 
 
 @pytest.mark.parametrize("name", ["discon", "discon+yaw", "discon+supervisor:averaging=60"])

@@ -28,6 +28,7 @@ from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.envs.power import AZIMUTHS, RINGS, disc_points
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, parities
+from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.wind.inflow import fill_velocity, read_only
 
@@ -364,9 +365,12 @@ class Record:
         means = np.split(row[columns.means], np.cumsum([len(place) for place in places])[:-1])
         changes = {name: mean - row[at] for name, mean, at in zip(AVERAGED, means, places, strict=True)}
         deviations = {name: each if len(each) > 1 else float(each[0]) for name, each in changes.items()}
-        torque = max(float(row[_places(n)["generator_torque"][0]]), 0.0) if turbine.drivetrain.takes_torque else 0.0
+        speed, torque = float(row[columns.turning.start + 1]), 0.0
+        if turbine.drivetrain.takes_torque:  # a changed row may ask for more than the generator has
+            available = available_torque(turbine.drivetrain, speed)
+            torque = min(max(float(row[_places(n)["generator_torque"][0]]), 0.0), available)
         return Start(
-            float(row[columns.turning.start + 1]), pitch, torque, azimuth,
+            speed, pitch, torque, azimuth,
             row[columns.tower_top], motion, float(row[columns.thrust.start]), deviations,
             self._controller.memory(row[columns.memory]), self._trail(row[columns.lasting]),
         )  # fmt: skip
