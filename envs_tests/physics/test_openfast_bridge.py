@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -19,6 +20,8 @@ from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import starting_point
 from wt_gym.control.sensors import to_fixed_frame
+from wt_gym.learning.options import PretrainingOptions, pretraining_environment
+from wt_gym.learning.pretraining_episodes import EpisodeJob, plant_outputs, record_episode
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import parities
 from wt_gym.turbines import load_turbine
@@ -238,3 +241,17 @@ def test_crosscheck(monkeypatch, tmp_path, capsys):
     for figure in ("signals_0.png", "spectra_1.png"):
         assert f"figures/{figure}" in page
         assert (tmp_path / "figures" / figure).stat().st_size > 10_000
+
+
+def test_a_pretraining_may_record_in_openfast():
+    """The same wind and start in both codes: mean flapwise moments, and edgewise ones of gravity, are alike."""
+    arguments = json.dumps(pretraining_environment("wt_gym/LoadReduction-v3", {}))
+    options = {"simulator": {"name": "openfast", "openfast_library": str(LIBRARY), "duration": 20.0}}
+    (condition,) = PretrainingOptions(conditions=[options]).conditions
+    job = EpisodeJob("wt_gym/LoadReduction-v3", arguments, 17.0, 3, 12.0)
+    own, found = (record_episode(replace(job, condition=json.dumps(each))) for each in ({}, condition))
+    (own_means, means), (flap, edge) = (plant_outputs(each).mean(1) for each in (own, found)), (0, slice(7, 9))
+    assert means[flap] != own_means[flap]
+    assert means[flap] == pytest.approx(own_means[flap], rel=0.1)
+    assert np.hypot(*(means - own_means)[edge]) < 0.1 * np.hypot(*own_means[edge])
+    assert (found.lead, found.pitch_gain) == (own.lead, own.pitch_gain)

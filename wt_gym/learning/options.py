@@ -24,9 +24,9 @@ __all__ = [
     "TrainingConfig", "pretraining_environment",
 ]  # fmt: skip
 
-CONDITION_ARGUMENTS = ("variation", "sensors", "faults")
+CONDITION_ARGUMENTS = ("variation", "sensors", "faults", "simulator")
 """Groups and arguments of the environment that a condition of a pretraining may have."""
-_CONDITION_NAMES = ("vary_", "sensors", "fault_")
+_CONDITION_NAMES = ("vary_", "sensors", "fault_", "simulator")
 _ENVIRONMENT: dict[str, Any] = {
     "controller": "linear_optimal",
     "observation": ["disturbances"],
@@ -196,8 +196,8 @@ class PretrainingOptions(Options):
     decay: float = option("rise of the ridge over the taps", default=4.0, low=0)
     first_wind_seed: int = option("turbulence seed of the first episode; each has its own", default=1, low=0)
     conditions: tuple[Mapping[str, Any], ...] = option(
-        "plant, sensors and drives other than those of the environment: its arguments variation, sensors and faults. "
-        "Episodes have them in turns, one that is listed twice has twice as many", default=({},), kinds=(tuple,),
+        "plant, sensors and drives other than those of the environment: its arguments variation, sensors, faults and "
+        "simulator. Episodes have them in turns, one that is listed twice has twice as many", default=({},), kinds=(tuple,),
         check=not_empty, allowed="a list of mappings",
     )  # fmt: skip
 

@@ -426,10 +426,10 @@ class _Work:
     def _published(self, run: RecordedEpisode) -> dict[str, float]:
         """Metrics of the published controller [MN m, MW]."""
         skip = round(self._options.skip / run.dt)
-        flap, tower, pitch = map(pretraining_episodes.tensor, (run.flap / 1e6, run.tower / 1e6, run.pitch))
-        found = pretraining_episodes.load_metrics(
-            flap, tower, pitch, run.dt, self.env.turbine.pitch.max_rate, skip, _MAIN
-        )
+        series = (run.flap / 1e6, run.edge / 1e6, run.tower / 1e6, run.pitch)
+        flap, edge, tower, pitch = map(pretraining_episodes.tensor, series)
+        full_rate = self.env.turbine.pitch.max_rate
+        found = pretraining_episodes.load_metrics((flap, edge), tower, pitch, run.dt, full_rate, skip, _MAIN)
         power = np.minimum(run.power, self.env.turbine.drivetrain.rated_power)[skip:].mean() / 1e6
         return {name: float(value) for name, value in found.items()} | {"captured_power": float(power)}
 

@@ -71,8 +71,9 @@ class RecordedEpisode:
     share: NDArray[np.float64]
     """In which offsets of the agent act. Shape (n,)."""
     flap: NDArray[np.float64]
+    edge: NDArray[np.float64]
     pitch: NDArray[np.float64]
-    """flap, pitch: root moments [N m], pitch [rad]. Shape (n_blades, n + 1)."""
+    """flap, edge, pitch: root moments [N m], pitch [rad]. Shape (n_blades, n + 1)."""
     tower: NDArray[np.float64]
     """Fore-aft and side-side moment at the base [N m]. Shape (2, n + 1)."""
     power: NDArray[np.float64]
@@ -247,6 +248,7 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
         offsets=offsets.T.copy(),
         share=np.array(share),
         flap=np.stack([series(f"root_flap_moment_{b}") for b in blades]),
+        edge=np.stack([series(f"root_edge_moment_{b}") for b in blades]),
         pitch=np.stack([series(f"pitch_{b}") for b in blades]),
         tower=np.stack([series("tower_base_fore_aft_moment"), sign * series("tower_base_side_side_moment")]),
         power=series("generator_power"),
@@ -314,34 +316,32 @@ def damage_equivalent_load(signal: torch.Tensor, duration: float, exponent: floa
     return largest * (weighted.sum() / duration) ** (1.0 / exponent)
 
 
-OUTPUTS = ("flap_mean", "flap_tilt", "flap_yaw", "tower_fore_aft", "tower_side_side", "power")
+OUTPUTS = (
+    "flap_mean", "flap_tilt", "flap_yaw", "tower_fore_aft", "tower_side_side", "power", "edge_mean", "edge_tilt",
+    "edge_yaw",
+)  # fmt: skip
 """What impulse responses give [MN m, MW]."""
 
 _MEGA = 1e6
 _LOOPS = 2
 """Picard iterations of the loop from offsets over observations to offsets."""
 _DIALED = {
-    "blade_flap_del": "fatigue", "tower_fore_aft_del": "fatigue", "tower_side_side_del": "fatigue",
-    "captured_power": "power", "pitch_duty_cycle": "travel",
+    "blade_flap_del": "fatigue", "blade_edge_del": "fatigue", "tower_fore_aft_del": "fatigue",
+    "tower_side_side_del": "fatigue", "captured_power": "power", "pitch_duty_cycle": "travel",
 }  # fmt: skip
 """What of a dial weighs a metric."""
 
 
 def plant_outputs(episode: RecordedEpisode) -> NDArray[np.float64]:
-    """`OUTPUTS` (6, n + 1) of an episode."""
+    """`OUTPUTS` (9, n + 1) of an episode."""
     n = len(episode.flap)
     angles = episode.azimuth + 2.0 * math.pi / n * np.arange(n)[:, None]
-    outputs: NDArray[np.float64] = (
-        np.stack([
-            episode.flap.mean(0),
-            2.0 / n * (episode.flap * np.cos(angles)).sum(0),
-            2.0 / n * (episode.flap * np.sin(angles)).sum(0),
-            *episode.tower,
-            episode.power,
-        ])
-        / _MEGA
-    )  # fmt: skip
-    return outputs
+
+    def fixed_frame(moments: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        return [moments.mean(0), *(2.0 / n * (moments * turn(angles)).sum(0) for turn in (np.cos, np.sin))]
+
+    rows = [*fixed_frame(episode.flap), *episode.tower, episode.power, *fixed_frame(episode.edge)]
+    return np.stack(rows) / _MEGA
 
 
 class Plants:
@@ -422,20 +422,24 @@ def _low_pass(series: torch.Tensor, time_constant: float, dt: float) -> torch.Te
 
 
 def load_metrics(
-    flap: torch.Tensor, tower: torch.Tensor, pitch: torch.Tensor, dt: float, full_rate: float, skip: int,
-    exponents: tuple[float, float],
+    blades: tuple[torch.Tensor, torch.Tensor], tower: torch.Tensor, pitch: torch.Tensor, dt: float, full_rate: float,
+    skip: int, exponents: tuple[float, float],
 ) -> dict[str, torch.Tensor]:  # fmt: skip
     """Metrics of the lifetime cost [MN m], of all blades alike.
 
-    Of flapwise moments [MN m] and pitch [rad] (n_blades, n + 1) and tower moments (2, n + 1) [MN m], sampled every
-    ``dt`` [s]; the full rate of the pitch is in rad/s, ``skip`` samples at the start do not count, and the exponents
-    are those of blades and tower.
+    Of flapwise and edgewise moments [MN m] and pitch [rad] (n_blades, n + 1) and tower moments (2, n + 1) [MN m],
+    sampled every ``dt`` [s]; the full rate of the pitch is in rad/s, ``skip`` samples at the start do not count, and
+    the exponents are those of blades and tower.
     """
-    time = (flap.shape[1] - skip) * dt
-    blades = [damage_equivalent_load(row[skip:], time, exponents[0]) for row in flap]
+    time = (pitch.shape[1] - skip) * dt
+    flap, edge = (
+        torch.stack([damage_equivalent_load(row[skip:], time, exponents[0]) for row in moments]).mean()
+        for moments in blades
+    )
     aft, side = (damage_equivalent_load(row[skip:], time, exponents[1]) for row in tower)
     return {
-        "blade_flap_del": torch.stack(blades).mean(),
+        "blade_flap_del": flap,
+        "blade_edge_del": edge,
         "tower_fore_aft_del": aft,
         "tower_side_side_del": side,
         "pitch_duty_cycle": pitch[:, skip:].diff(dim=1).abs().mean() / dt / full_rate,
@@ -477,7 +481,8 @@ class LinearizedEpisode:
         still = episode.azimuth + of_blades
         self._pitch_cos, self._pitch_sin = tensor(np.cos(ahead)), tensor(np.sin(ahead))
         self._flap_cos, self._flap_sin = tensor(np.cos(still)), tensor(np.sin(still))
-        self._flap, self._tower = tensor(episode.flap / _MEGA), tensor(episode.tower / _MEGA)
+        self._flap, self._edge = tensor(episode.flap / _MEGA), tensor(episode.edge / _MEGA)
+        self._tower = tensor(episode.tower / _MEGA)
         self._pitch = tensor(episode.pitch)
         power = np.minimum(episode.power, limits.rated_power)
         self._power = float(power[self._skip :].mean()) / _MEGA
@@ -507,11 +512,14 @@ class LinearizedEpisode:
         """Metrics under offsets (3, n) [rad]; power is the recorded one less what the offsets take, never more."""
         more = offsets - self._acted
         changed = self._plants.respond(self.speed, more)
-        flap = self._flap + changed[0] + changed[1] * self._flap_cos + changed[2] * self._flap_sin
+        flap, edge = (
+            moments + changed[k] + changed[k + 1] * self._flap_cos + changed[k + 2] * self._flap_sin
+            for k, moments in ((0, self._flap), (6, self._edge))
+        )
         moved = self._gain * (more[0] + more[1] * self._pitch_cos + more[2] * self._pitch_sin)
         pitch = torch.cat([self._pitch[:, :1], self._pitch[:, 1:] + moved], 1)
         full_rate, tower = self._limits.full_rate, self._tower + changed[3:5]
-        found = load_metrics(flap, tower, pitch, self._dt, full_rate, self._skip, exponents)
+        found = load_metrics((flap, edge), tower, pitch, self._dt, full_rate, self._skip, exponents)
         found["captured_power"] = self._power + changed[5, self._skip :].mean().clamp(max=0.0)
         return found
 
@@ -561,8 +569,8 @@ class LinearizedEpisode:
             with torch.no_grad():
                 true = self.metrics(self._acted, (BLADE_EXPONENT, TOWER_EXPONENT))
                 other = self.metrics(self._acted, exponents)
-            names = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del")
-            self._scaled_for, self._scale = exponents, {name: float(true[name] / other[name]) for name in names}
+            loads = [name for name in true if name.endswith("_del")]
+            self._scaled_for, self._scale = exponents, {name: float(true[name] / other[name]) for name in loads}
         return self._scale
 
 
