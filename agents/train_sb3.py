@@ -7,7 +7,7 @@
 The turbine runs under its base controller; the policy adds three offsets to the pitch of the blades (mean, tilt, yaw).
 The reward of the task is relative to zero actions in the same wind: a return above 0 is better than the base controller
 alone. Six hyperparameters differ from those of the library. The policy is linear: so is the best law known, and a
-network of two layers learns it more slowly. Writes model.zip, model.json (arguments of the environment) and curve.png;
+network of two layers learns it more slowly. Writes model.zip, model.json (its algorithm) and curve.png;
 evaluate_sb3.py tests the model.
 """
 
@@ -60,7 +60,7 @@ def learn(env_id, turbines, steps, seed, policy=None):
     fine = policy is not None  # smaller steps of a policy that is good already
     model = PPO(
         "MlpPolicy", envs, n_steps=max(min(ROLLOUT, steps) // turbines, 2), batch_size=2048, gamma=0.98, ent_coef=0.005,
-        learning_rate=lambda left: (5e-4 if fine else 3e-3) * left,
+        learning_rate=lambda left: (5e-4 if fine else 3e-3) * max(left, 0.0),
         policy_kwargs={"net_arch": {"pi": [], "vf": [64, 64]}, "log_std_init": -1.5}, seed=seed, device="cpu",
         verbose=1,
     )  # fmt: skip
@@ -79,6 +79,8 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("runs/sb3"), help="folder (default: %(default)s)")
     arguments = parser.parse_args()
+    if not arguments.linear + arguments.steps:
+        parser.error("there must be steps in the simulator, on the linear model or both")
     torch.set_num_threads(1)  # small networks
     policy, episodes = None, []
     for env_id, turbines, steps in ((LINEAR_ID, 64, arguments.linear), (ENV_ID, arguments.turbines, arguments.steps)):

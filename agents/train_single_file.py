@@ -44,19 +44,6 @@ class Agent(nn.Module):
         return self.critic(observation).squeeze(-1)
 
 
-def draw(episodes, path, window=24):
-    """Learning curve: return of each episode and its moving mean."""
-    steps, returns = np.array(episodes).T
-    figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-    axes.plot(steps, returns, ".", alpha=0.3, label="episodes")
-    window = min(window, len(returns))
-    axes.plot(steps[window - 1 :], np.convolve(returns, np.ones(window) / window, "valid"), label=f"mean of {window}")
-    axes.axhline(0.0, color="black", linewidth=0.8, label="zero actions")
-    axes.set(xlabel="steps", ylabel="return against the base controller")
-    axes.legend()
-    figure.savefig(path, dpi=120)
-
-
 def main():
     """Train, and write the policy and its learning curve."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -70,7 +57,7 @@ def main():
     torch.set_num_threads(1)  # small networks
 
     envs = gym.make_vec(arguments.env, arguments.turbines, autoreset_mode=AutoresetMode.SAME_STEP)
-    n_envs, n_steps = arguments.turbines, min(ROLLOUT, arguments.steps) // arguments.turbines
+    n_envs, n_steps = arguments.turbines, max(min(ROLLOUT, arguments.steps) // arguments.turbines, 1)
     low, high = envs.single_action_space.low, envs.single_action_space.high
     agent = Agent(envs.single_observation_space.shape[0], len(low))
     optimizer = torch.optim.Adam(agent.parameters(), lr=RATE, eps=1e-5)
@@ -95,7 +82,7 @@ def main():
             for i in np.flatnonzero(terminated | truncated):
                 episodes.append((steps, returns[i]))
                 returns[i] = 0.0
-                if truncated[i]:  # the turbine would have gone on: the critic says what was still to come
+                if truncated[i] and not terminated[i]:  # the critic says what was still to come
                     with torch.no_grad():
                         rewards[k, i] += GAMMA * agent.value(torch.as_tensor(infos["final_obs"][i]))
             observation = torch.as_tensor(following)
@@ -111,7 +98,7 @@ def main():
         data = [x.flatten(0, 1) for x in (observations, actions, log_probs, advantages, advantages + values)]
 
         # several passes over the rollout in small batches, with a falling learning rate
-        optimizer.param_groups[0]["lr"] = RATE * max(1.0 - steps / arguments.steps, 0.0)
+        optimizer.param_groups[0]["lr"] = RATE * max(1.0 - (steps - n_steps * n_envs) / arguments.steps, 0.0)
         for _ in range(EPOCHS):
             for batch in torch.randperm(n_steps * n_envs).split(BATCH):
                 seen, acted, old_log_prob, gain, target = (x[batch] for x in data)
@@ -131,8 +118,9 @@ def main():
 
     arguments.out.mkdir(parents=True, exist_ok=True)
     torch.save(agent.state_dict(), arguments.out / "policy.pt")
-    if episodes:
-        draw(episodes, arguments.out / "curve.png")
+    plt.plot(*zip(*episodes, strict=True), ".")
+    plt.gca().set(xlabel="steps", ylabel="return of an episode against the base controller")
+    plt.savefig(arguments.out / "curve.png")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import pytest
 import wt_gym  # noqa: F401
 from wt_gym.envs import WindTurbineEnv
 from wt_gym.envs.credit import held_responses, without_mean
+from wt_gym.envs.fatigue import BladeFatigue
 from wt_gym.envs.terms import HighPass
 from wt_gym.learning.recording import respond
 from wt_gym.tasks import TASKS
@@ -40,6 +41,12 @@ def test_the_return_changes_by_the_effects_to_come_alone():
     assert np.abs(paid).max() > 0.01
     # 4 s after the last offset most of what was paid ahead has come
     assert abs(sum(paid)) < 0.5 * np.abs(np.cumsum(paid)).max()
+
+
+@pytest.mark.parametrize("changes", [{"dial_weights": "simplex"}, {"reward": [BladeFatigue(), BladeFatigue(name="b")]}])
+def test_weights_that_are_not_fixed_are_refused(changes):
+    with pytest.raises(ValueError, match="one fatigue term of a kind, of a fixed weight"):
+        gym.make(TASK.id, **changes)
 
 
 def test_without_actions_nothing_is_paid():

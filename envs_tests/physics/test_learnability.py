@@ -47,7 +47,7 @@ def learned(steps, seed=0):
     torch.set_num_threads(1)
     model = PPO(
         "MlpPolicy", TurbineVecEnv("wt_gym/LoadReduction-Linear-v0", 64), n_steps=256, batch_size=2048, gamma=0.98,
-        ent_coef=0.005, learning_rate=lambda left: 3e-3 * left,
+        ent_coef=0.005, learning_rate=lambda left: 3e-3 * max(left, 0.0),
         policy_kwargs={"net_arch": {"pi": [], "vf": [64, 64]}, "log_std_init": -1.5}, seed=seed, device="cpu",
     )  # fmt: skip
     return model.learn(steps)

@@ -16,7 +16,7 @@ from wt_gym.learning.linear_env import RAW, LinearModel, LinearTurbineEnv, Linea
 from wt_gym.tasks import TASKS
 
 TASK = TASKS["LoadReduction"].id
-RUNS, STEPS, LAGS = 3, 400, 75
+RUNS, STEPS, LAGS = 3, 600, 75
 N_OBS, OWN = 87, 10
 
 
@@ -27,15 +27,15 @@ def model():
     sizes = np.array([6e6, 1e6, 1e6, 6e7, 6e6, 1e6, 3e6, 1e6, 5e6])
     raw = sizes * (np.array([1, 0, 0, 1, 0, 0, 0, 0, 1]) + 0.1 * rng.normal(size=(RUNS, STEPS, len(RAW))))
     decay = np.exp(-np.arange(LAGS) / 8.0) * np.cos(0.3 * np.arange(LAGS))
-    scales = np.concatenate([sizes * [0.3, 0.3, 0.3, 0.3, 0.3, 0, 0, 0, 0], np.full(OWN, 0.1)])
+    scales = np.concatenate([sizes * [0.3, 0.3, 0.3, 0.3, 0.3, 0, 0, 0, 0.3], np.full(OWN, 0.1)])
     return LinearModel(
-        speeds=np.array([13.0, 15.0, 18.0]), seeds=np.arange(1, RUNS + 1),
+        speeds=np.array([13.0, 15.0, 18.0]),
         observations=rng.uniform(-0.4, 0.4, (RUNS, STEPS, N_OBS)).astype(np.float32), raw=raw,
         azimuth=np.cumsum(np.full((RUNS, STEPS), 0.25), axis=1),
-        pitch=0.2 + 0.001 * rng.normal(size=(RUNS, STEPS, 3)), share=np.ones((RUNS, STEPS)),
+        pitch=0.2 + 0.001 * rng.normal(size=(RUNS, STEPS, 3)), share=np.full((RUNS, STEPS), 0.8),
         knots=np.array([12.0, 20.0]),
         responses=rng.normal(size=(2, len(RAW) + OWN, 3, 1)) * scales[:, None, None] * decay,
-        explained=np.ones((2, len(RAW) + OWN)), curvature=np.array([0.5, 1.0]),
+        curvature=np.array([0.5, 1.0]),
     )  # fmt: skip
 
 
@@ -127,13 +127,27 @@ def test_an_action_is_paid_all_of_its_effects_at_once(model):
     assert np.abs(paid[late]).max() < 1e-9 < np.abs(plain[late]).max()
 
 
+def test_power_is_paid_up_to_the_rated_one(model):
+    fatigue = {"blade_fatigue": 0.0, "tower_fore_aft_fatigue": 0.0, "tower_side_side_fatigue": 0.0}
+    env = started(model, reward={"power": 2.0, "actuator_use": 0.0, **fatigue})
+    rewards, effects, _, acted = played(env, actions(60))
+    place, rated = RAW.index("power"), env.envs[0].turbine.drivetrain.rated_power
+    before = model.raw[:, 51:111, place].T
+    gained = np.minimum(before + effects[..., place], rated) - np.minimum(before, rated)
+    curvature = np.interp(model.speeds, model.knots, model.curvature)
+    expected = 2.0 * (gained / rated - curvature * (acted**2).sum(-1))
+    np.testing.assert_allclose(rewards, env.envs[0].control_dt * expected, atol=1e-12)
+    assert (gained > 0.0).any()
+    assert (before > rated).any()
+
+
 def test_the_gradient_is_that_of_small_actions(model):
     env = started(model, reward={"actuator_use": 0.0, "power": 0.0})
     gradient = env.gradient_rates()
     small = np.zeros((1, RUNS, 3), np.float32)
     small[..., 1] = 1e-3
     rewards, _, _, acted = played(env, small)
-    moved = acted[0, :, 1] / env._spans[1]
+    moved = acted[0, :, 1] / env._spans[1] / 0.8  # the gradient has the share in which offsets act
     np.testing.assert_allclose(rewards[0], gradient[:, 50, 0, 1] * moved, rtol=0.02)
 
 
@@ -152,6 +166,11 @@ def test_it_is_an_environment_with_the_spaces_of_the_task(model, monkeypatch):
     assert env.observation_space == task.observation_space
     assert env.action_space == task.action_space
     check_env(LinearTurbineEnv(modeled=TASK), skip_render_check=True)
+    starts = set()
+    for seed in range(20):
+        env.reset(seed=seed)
+        starts.add(env.unwrapped._models._time.item())
+    assert len(starts) > 10
     first, _ = env.reset(seed=5)
     course = [env.step(np.full(3, 0.1, np.float32))[:2] for _ in range(10)]
     again, _ = env.reset(seed=5)
@@ -189,6 +208,9 @@ def test_episodes_end_by_their_limit_and_begin_anew(model, mode):
         ({"residual_form": "rate"}, "needs action_mode='residual'"),
         ({"controller": "discon", "observation": ["offsets"], "reward_credit": False}, "with an observer"),
         ({"history": 2}, "history=1"),
+        ({"sensor_noise": 1.0}, "sensor_noise=0"),
+        ({"vector_reward": True}, "one number as reward"),
+        ({"reward": {"tip_deflection": 1.0}}, "alone, got those of tip_deflection"),
     ],
 )
 def test_what_has_no_linear_model_is_refused(model, changes, message):
@@ -203,6 +225,10 @@ def test_actions_and_resets_are_checked(model):
     env.reset(seed=0)
     with pytest.raises(wt_gym.base.errors.ActionError, match="within"):
         env.step_each(np.full((RUNS, 3), 2.0))
+    with pytest.raises(ValueError, match=f"{RUNS} actions are needed"):
+        env.step_each(np.zeros((RUNS + 1, 3)))
+    with pytest.raises(ValueError, match="max_episode_steps must be at most 475"):
+        LinearVectorEnv(1, 476, model=model, modeled=TASK)
     with pytest.raises(ValueError, match="no options"):
         env.reset(options={"wind_speed": 12.0})
     with pytest.raises(ValueError, match="for each of 3 runs"):

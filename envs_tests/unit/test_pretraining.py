@@ -331,9 +331,10 @@ def drawn(job, seed, stands=False):
     rng = np.random.default_rng(job.seed) if stands else rng
     return RecordedEpisode(
         speed=job.speed, seed=job.seed, dt=0.1, observations=rng.normal(size=(600, 77)).astype(np.float32),
-        offsets=inputs, share=np.ones(600), flap=rng.normal(size=(3, 601)), edge=rng.normal(size=(3, 601)), pitch=rng.normal(size=(3, 601)),
-        tower=rng.normal(size=(2, 601)), power=rng.normal(size=601), azimuth=np.arange(601.0),
-        read_azimuth=np.arange(600.0), read_speed=np.ones(600), individual=np.ones(600), lead=0.1,
+        offsets=inputs, share=np.ones(600), flap=rng.normal(size=(3, 601)), edge=rng.normal(size=(3, 601)),
+        pitch=rng.normal(size=(3, 601)), tower=rng.normal(size=(2, 601)), power=rng.normal(size=601),
+        azimuth=np.arange(601.0), read_azimuth=np.arange(600.0), read_speed=np.ones(600),
+        individual=np.ones(600), lead=0.1,
     )  # fmt: skip
 
 
@@ -486,7 +487,10 @@ def test_environments_that_cannot_be_pretrained_on(changes, message):
         ({"memory": 1000.0}, "memory must be at most half"),
         ({"first_wind_seed": 990}, "held back for evaluations, 1001 to"),
         ({"conditions": ["delay"]}, "must be a mapping of arguments of the environment, got 'delay'"),
-        ({"conditions": [{"controller": "ipc"}]}, "must have variation, sensors, faults, simulator alone, got controller"),
+        (
+            {"conditions": [{"controller": "ipc"}]},
+            "must have variation, sensors, faults, simulator alone, got controller",
+        ),
         ({"conditions": [{"variation": {"drive_lag": [0.0, 0.3]}}]}, "drive_lag of a condition must be one number"),
         ({"conditions": [{"faults": {"kinds": "all"}}]}, "must be of one kind, got 'all'"),
         ({"conditions": [{"faults": {"kinds": "iced_blade", "time": 21.0}}]}, "at one time within the 20 s"),

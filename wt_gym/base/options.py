@@ -756,20 +756,6 @@ def check_flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def check_names(name: str, value: Any) -> tuple[str, ...]:
-    """Return several texts; a text alone or a mapping is none of that kind.
-
-    Raises
-    ------
-    ValueError
-    """
-    several = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
-    parts = tuple(value) if several else (None,)
-    if not all(isinstance(part, str) for part in parts):
-        raise ValueError(f"{name} must be a list of names, got {shown(parts if several else value)}")
-    return parts
-
-
 def check_mapping(name: str, value: Any) -> dict[str, float]:
     """Return a mapping of names to numbers.
 

@@ -271,7 +271,8 @@ def _terms(env: Parts, lidar: LidarTerm, step: float) -> dict[str, Term]:
     if options.rewards.relative:
         terms["twin"] = twin = Twin(_twin(env), env.wind.turbulence_key)
         if options.rewards.credit:
-            terms["credit"] = Credit(twin, env.reward_terms, env.turbine, operation, env.control_dt)
+            dialed = options.dial.weights is not None
+            terms["credit"] = Credit(twin, env.reward_terms, env.turbine, operation, env.control_dt, dialed)
     if options.dial.weights is not None:
         terms["dial"] = DialTerm(options.dial, [term.name for term in env.reward_terms], operation)
     if env.render_mode is not None:

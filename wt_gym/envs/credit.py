@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from wt_gym.envs.twin import Twin
     from wt_gym.turbines import Turbine
 
+_FATIGUE = (BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue)
 HORIZON = 15.0
 """Time in which the effects of an offset count [s]."""
 
@@ -69,7 +70,7 @@ def as_in_terms(
     """Series of `wt_gym.envs.fatigue.LOADS` (m, 5, ..., n) [N m] as terms normalize and filter them, zero before."""
     found = loads.copy()
     for term in terms:
-        if isinstance(term, BladeFatigue | TowerForeAftFatigue | TowerSideSideFatigue):
+        if isinstance(term, _FATIGUE):
             rows, washed = term.rows
             found[:, rows] /= term.reference(turbine)
             found[:, washed] = without_mean(found[:, washed], dt, term.time_constant)
@@ -87,6 +88,17 @@ def held_responses(responses: NDArray[np.float64], times: int, length: int) -> N
     return np.asarray(sums[..., ends] - sums[..., starts])
 
 
+def steps_of_observer(design: LinearDesign, dt: float) -> int:
+    """Steps of an observer in a control step [s]; a ValueError where they are no whole number."""
+    times = round(dt / design.interval)
+    if times < 1 or abs(times * design.interval - dt) > 1e-6 * dt:
+        raise ValueError(
+            f"control_dt must be a multiple of {design.interval:g} s, the interval of the design of the observer, with "
+            f"credit or a linear model, got {dt!r} s"
+        )
+    return times
+
+
 def normalized_responses(
     design: LinearDesign, turbine: Turbine, terms: Iterable[RewardTerm], dt: float
 ) -> NDArray[np.float64]:
@@ -97,12 +109,7 @@ def normalized_responses(
     ValueError
         If the step [s] is no multiple of the interval of the design.
     """
-    times = round(dt / design.interval)
-    if times < 1 or abs(times * design.interval - dt) > 1e-6 * dt:
-        raise ValueError(
-            f"control_dt must be a multiple of {design.interval:g} s, the interval of the design of the observer, with "
-            f"credit, got {dt!r} s"
-        )
+    times = steps_of_observer(design, dt)
     flap = design.responses[:, :3] * design.scale[:3, None, None]
     held = held_responses(np.concatenate([flap, design.loads], axis=1), times, round(HORIZON / dt))
     held[:, LOADS.index("tower_side_side")] *= side_sign(turbine)
@@ -119,22 +126,29 @@ class Credit(Term):
     terms : sequence of RewardTerm
     dt : float
         Control step [s].
+    dialed : bool
+        A dial moves the weights.
 
     Raises
     ------
     ValueError
-        If the base controller has no observer, or its design does not fit the step.
+        If the base controller has no observer, its design does not fit the step, or the terms have no fixed weights.
     """
 
     remembered = ("_changes", "_first", "_before")
 
-    def __init__(self, twin: Twin, terms: tuple[RewardTerm, ...], turbine: Turbine, operation: Operation, dt: float):
+    def __init__(
+        self, twin: Twin, terms: tuple[RewardTerm, ...], turbine: Turbine, operation: Operation, dt: float, dialed: bool
+    ):
         part = linear_part(operation.controller)
         if part is None:
             raise ValueError(
                 "reward_credit needs a base controller with an observer, such as "
                 "controller='discon+side_side_damper+observer', or must be False"
             )
+        kinds = [type(term) for term in terms if isinstance(term, _FATIGUE)]
+        if dialed or len(set(kinds)) < len(kinds):
+            raise ValueError("reward_credit needs one fatigue term of a kind, of a fixed weight, or must be False")
         self._twin, self._operation, self._dt = twin, operation, dt
         self._weights = fatigue_weights(terms)
         self._responses = normalized_responses(part.design, turbine, terms, dt)

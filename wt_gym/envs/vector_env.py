@@ -146,6 +146,18 @@ class WindTurbineVectorEnv(PlainSpec, gym.vector.VectorEnv):
 
     def step_each(self, actions: np.ndarray) -> list[Outcome]:
         """Advance every turbine by a control step, with actions (num_envs, n_act) and errors as of `step`."""
+        values = self._checked(actions)
+
+        def step(k: int) -> Outcome:
+            if k not in values:
+                observation, info = self._start(k)
+                return Outcome(observation, self._no_reward, False, False, info)
+            return self._step(k, values[k])
+
+        return self._each(step, range(self.num_envs))
+
+    def _checked(self, actions: Any) -> dict[int, np.ndarray]:
+        """Actions of those whose episodes go on; this step is the reset of the others."""
         if self.closed:
             raise ClosedEnvironmentError("the environment was closed")
         actions = np.asarray(actions)
@@ -156,15 +168,7 @@ class WindTurbineVectorEnv(PlainSpec, gym.vector.VectorEnv):
         over = np.flatnonzero(self._over).tolist()
         if over and self.autoreset_mode != AutoresetMode.NEXT_STEP:
             raise ResetNeeded(f"the episodes of turbines {over} are over")
-        values = {k: self.layout.action.validate(action) for k, action in enumerate(actions) if k not in over}
-
-        def step(k: int) -> Outcome:
-            if k in over:
-                observation, info = self._start(k)
-                return Outcome(observation, self._no_reward, False, False, info)
-            return self._step(k, values[k])
-
-        return self._each(step, range(self.num_envs))
+        return {k: self.layout.action.validate(action) for k, action in enumerate(actions) if k not in over}
 
     def _start(
         self, k: int, seed: int | None = None, options: dict[str, Any] | None = None

@@ -108,11 +108,15 @@ def bound(env_id: str, arguments: Mapping[str, Any], o: LearnabilityOptions) -> 
         played = PlayedActions((offsets / spans).clip(-1.0, 1.0))
         now, _ = _metrics(env_id, arguments, played, job, o)
         gained -= [cost.of(best, before, plain.turbine), cost.of(now, before, plain.turbine)]
+    if gained[0] <= 0.0:
+        raise ValueError(f"linear_optimal must gain in the winds of the bound, got winds of {o.speeds} m/s")
     return float(gained[1] / gained[0])
 
 
-def _models(env_id: str, arguments: Mapping[str, Any], count: int, model: LinearModel | None) -> LinearVectorEnv:
-    return LinearVectorEnv(count, autoreset_mode=AutoresetMode.DISABLED, model=model, modeled=env_id, **arguments)
+def _models(
+    env_id: str, arguments: Mapping[str, Any], count: int, model: LinearModel | None, steps: int | None = None
+) -> LinearVectorEnv:
+    return LinearVectorEnv(count, steps, AutoresetMode.DISABLED, model=model, modeled=env_id, **arguments)
 
 
 def alignment(
@@ -142,15 +146,16 @@ def alignment(
 
 def signal_to_noise(
     env_id: str, arguments: Mapping[str, Any], o: LearnabilityOptions, model: LinearModel | None = None,
-    steps: int = 300,
+    steps: int = 200,
 ) -> float:  # fmt: skip
     """Signal to noise of a policy gradient from `DECISIONS` decisions, at zero mean actions."""
     rng = np.random.default_rng(0)
-    gradients = []
-    models = _models(env_id, arguments, o.models, model)
+    gradients, winds = [], []
+    models = _models(env_id, arguments, o.models, model, steps)
     for number in range(o.rounds):
         seeds = range(number * o.models, (number + 1) * o.models)
         seen = np.stack([first for first, _ in models.reset_each(seeds, None, range(o.models))])
+        winds.append(models._run.copy())
         observed, noise, rewards = [], [], []
         for _ in range(steps):
             drawn = rng.standard_normal((o.models, 3))
@@ -161,8 +166,10 @@ def signal_to_noise(
             seen = np.stack([out.observation for out in outcomes])
         gradients.append(_policy_gradients(np.array(observed), np.array(noise), np.array(rewards, float), o))
     each = np.concatenate(gradients)
-    variance = each.var(0, ddof=1).sum()
-    signal = max(float((each.mean(0) ** 2).sum() - variance / len(each)), 0.0)
+    variance, wind = each.var(0, ddof=1).sum(), np.concatenate(winds)
+    of_winds = np.array([each[wind == run].sum(0) for run in np.unique(wind)])  # products within a wind are biased
+    pairs = len(wind) ** 2 - (np.unique(wind, return_counts=True)[1] ** 2).sum()
+    signal = max(float((each.sum(0) ** 2).sum() - (of_winds**2).sum()) / pairs, 0.0)
     return float(signal / variance * DECISIONS / steps)
 
 

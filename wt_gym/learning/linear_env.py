@@ -12,21 +12,22 @@ travel, beside zero actions, with credit (`wt_gym.envs.credit`) where it has tha
 offsets times a coefficient from the runs (`wt_gym.learning.linear_design.curvature_of_power`). Left out are the ends of
 episodes, speeds beyond rated, and all that offsets do to the azimuth and to their own share.
 
-The model is made at the first use, of an hour and a half of simulated time, and kept in the cache of the user.
+The model is made at the first use, of two hours and forty minutes of simulated time, and kept in the cache of the user.
 """
 
 from __future__ import annotations
 
 import json
+import pickle
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
@@ -35,11 +36,12 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.base.user_cache import cached_file
 from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, LoadObserver, linear_part, side_sign
 from wt_gym.control.sensors import to_fixed_frame
-from wt_gym.envs.credit import HORIZON, as_in_terms, fatigue_weights
+from wt_gym.envs.credit import HORIZON, as_in_terms, fatigue_weights, steps_of_observer
 from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
 from wt_gym.envs.options import PlainSpec, registered_arguments
 from wt_gym.envs.power import Power
-from wt_gym.envs.rewards import ActuatorUse
+from wt_gym.envs.rewards import ActuatorUse, Overspeed
+from wt_gym.envs.terminations import registered_limit
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.vector_env import Outcome, WindTurbineVectorEnv
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
@@ -60,10 +62,12 @@ RAW = (*LOADS, "edge_mean", "edge_tilt", "edge_yaw", "power")
 """What is recorded for the lifetime cost [N m, W]."""
 _POWER = RAW.index("power")
 _WASHED = [row for kind in (BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue) for row in kind.rows[1]]
+_LEAST_SHARE = 0.01
 SETTLED = 10.0
 """First part of a run, in which no episode starts [s]."""
 STILL = {"relative_reward": False, "reward_credit": False, "starts": None, "start": "steady", "episode_length": None}
 """Arguments of a run that is recorded: without starts amid operation, and with the reward of single steps."""
+_TERMS = (Power, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue, ActuatorUse, Overspeed)
 _OWN = ("response_", "tower_velocity_", "tower_displacement_")
 """Beginnings of the names of channels that offsets move."""
 
@@ -84,7 +88,6 @@ class LinearModel:
     """Recorded runs without offsets, and responses to offsets."""
 
     speeds: NDArray[np.float64]  #: mean wind of each run [m/s], shape (n_runs,)
-    seeds: NDArray[np.int64]  #: of their turbulence, shape (n_runs,)
     observations: NDArray[np.float32]  #: at the decisions, shape (n_runs, n, n_obs)
     raw: NDArray[np.float64]  #: `RAW`, shape (n_runs, n, 9)
     azimuth: NDArray[np.float64]  #: in the sense of rotation [rad], shape (n_runs, n)
@@ -92,7 +95,6 @@ class LinearModel:
     share: NDArray[np.float64]  #: in which offsets act, shape (n_runs, n)
     knots: NDArray[np.float64]  #: wind speeds of the responses [m/s], shape (n_knots,)
     responses: NDArray[np.float64]  #: of `RAW` and observations [1/rad], shape (n_knots, 9 + n_own, 3, n_lags)
-    explained: NDArray[np.float64]  #: share of the changes of an unseen run, shape (n_knots, 9 + n_own)
     curvature: NDArray[np.float64]  #: share of power that offsets take by their mean square [1/rad^2], (n_knots,)
 
 
@@ -120,8 +122,17 @@ def check_environment(env: WindTurbineEnv) -> None:
     options = env.options
     if options.variation.varies or options.faults.kinds or env.sensors == "all" or options.dial.weights is not None:
         raise ValueError("a linear model needs one plant and exact sensors: leave out variation, faults, sensors, dial")
-    if options.observations.history != 1 or options.observations.delay or options.controller.residual_washout:
-        raise ValueError("a linear model needs history=1, sensor_delay=0 and no residual_washout")
+    seen = options.observations
+    if seen.history != 1 or seen.delay or seen.noise or options.controller.residual_washout:
+        raise ValueError("a linear model needs history=1, sensor_delay=0, sensor_noise=0 and no residual_washout")
+    if options.rewards.vector or options.grid.reference is not None:
+        raise ValueError("a linear model has one number as reward and no power reference")
+    if foreign := [term.name for term in env.reward_terms if term.weight and not isinstance(term, _TERMS)]:
+        raise ValueError(
+            "a linear model has rewards of power, fatigue, actuator use and overspeed alone, got those of "
+            f"{', '.join(foreign)}"
+        )
+    steps_of_observer(part.design, env.control_dt)
     if env.wind.speeds is None:
         raise ValueError("a linear model needs winds with a mean speed: wind_speed=(low, high)")
 
@@ -159,7 +170,7 @@ def record_run(
         seed=seed, options={"azimuth": 0.0, "wind_speed": speed, "wind_seed": seed, "time_offset": 0.0}
     )
     seen, samples, acted = [observation], [_sample(env)], []
-    times = round(env.control_dt / cast(LoadObserver, linear_part(env.controller)).design.interval)
+    times = steps_of_observer(cast(LoadObserver, linear_part(env.controller)).design, env.control_dt)
     nothing = np.zeros(3)
     for k in range(round(duration / env.control_dt)):
         observation, _, ended, _, info = env.advance(nothing if actions is None else actions[k])
@@ -208,15 +219,17 @@ def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions 
     for k, (v, seed) in enumerate(pairs):
         levels = excitation.draw(steps, dt, 100 + k) / spans[:, None]
         jobs.append((v, seed, options.excited_duration, levels.clip(-1.0, 1.0).T))
-    winds = low + (high - low) * (np.arange(options.runs) + 0.5) / options.runs
-    seeds = np.array([TRAINING_WIND_SEEDS[k % len(TRAINING_WIND_SEEDS)] for k in range(options.runs)])
-    jobs += [(round(float(v), 2), int(seed), options.duration, None) for v, seed in zip(winds, seeds, strict=True)]
+    speeds = np.round(low + (high - low) * (np.arange(options.runs) + 0.5) / options.runs, 2)
+    seeds = TRAINING_WIND_SEEDS
+    jobs += [(v, seeds[k % len(seeds)], options.duration, None) for k, v in enumerate(speeds.tolist())]
     runs = record_runs(env_id, arguments, jobs)
     still, moved, free = runs[: len(pairs)], runs[len(pairs) : 2 * len(pairs)], runs[2 * len(pairs) :]
     own, lags = own_channels(env), round(HORIZON / dt)
-    responses, explained, curvature = [], [], []
+    responses, curvature = [], []
     for k in range(len(knots)):
         at = slice(k * options.excited, (k + 1) * options.excited)
+        if np.mean([run.share.mean() for run in moved[at]]) < _LEAST_SHARE:
+            raise ValueError(f"offsets must act, and at {knots[k]:g} m/s they have faded out: give winds above")
         inputs = [run.acted.T for run in moved[at]]
         changes = [
             np.concatenate([a.raw - b.raw, a.observations[:, own] - b.observations[:, own]], axis=1).T
@@ -226,11 +239,8 @@ def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions 
         mean = float(np.mean([run.raw[:, _POWER].mean() for run in still[at]]))
         curvature.append(curvature_of_power(found, _POWER, shares[_POWER], inputs, changes, mean))
         responses.append(found)
-        explained.append(shares)
     return LinearModel(
-        speeds=np.array([round(float(v), 2) for v in winds]), seeds=seeds, knots=knots,
-        responses=np.stack(responses), explained=np.stack(explained), curvature=np.array(curvature),
-        **_stacked(free),
+        speeds=speeds, knots=knots, responses=np.stack(responses), curvature=np.array(curvature), **_stacked(free),
     )  # fmt: skip
 
 
@@ -239,8 +249,7 @@ def in_winds(
 ) -> LinearModel:
     """Model with runs of a duration [s] in other winds, of mean speed [m/s] and seed, in the place of its own."""
     runs = record_runs(env_id, arguments, [(speed, seed, duration, None) for speed, seed in winds])
-    speeds, seeds = zip(*winds, strict=True)
-    return replace(model, speeds=np.array(speeds), seeds=np.array(seeds), **_stacked(runs))
+    return replace(model, speeds=np.array([speed for speed, _ in winds]), **_stacked(runs))
 
 
 def _stacked(runs: Sequence[_Run]) -> dict[str, Any]:
@@ -248,18 +257,21 @@ def _stacked(runs: Sequence[_Run]) -> dict[str, Any]:
     return {name: np.stack([getattr(run, name) for run in runs]) for name in names}
 
 
-def cached_model(env_id: str, arguments: Mapping[str, Any]) -> LinearModel:
+def cached_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions = ModelOptions()) -> LinearModel:
     """Model from the cache of the user, or a new one."""
     described = {name: value for name, value in _modeled(env_id, arguments).items() if name not in _NO_MATTER}
     env = WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
+    check_environment(env)
+    part = cast(LoadObserver, linear_part(env.controller))
     definition = {
         "fingerprint": benchmark_fingerprint(env.turbine, env.fidelity),
-        "env": env_id, "arguments": json.dumps(described, sort_keys=True, default=repr),
+        "env": env_id, "arguments": json.dumps(described, sort_keys=True, default=repr), "options": asdict(options),
+        "observation": list(env.layout.observation.names), "design": sha256(pickle.dumps(part.design)).hexdigest(),
     }  # fmt: skip
     store = RecordingStore(cached_file("linear"), LinearModel)
     if (model := store.find(definition)) is None:
         print(f"recording a linear model of {env.turbine.name}: a minute or two, once on this machine", file=sys.stderr)
-        model = make_model(env_id, arguments)
+        model = make_model(env_id, arguments, options)
         store.keep(definition, model)
     return model
 
@@ -318,7 +330,9 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         use = sum(term.weight for term in terms if isinstance(term, ActuatorUse))
         self._use = use / uses / turbine.pitch.max_rate / dt
         power = sum(term.weight for term in terms if isinstance(term, Power))
-        self._power = power * float(self._curvature.mean())
+        self._power = np.ascontiguousarray(model.raw[..., _POWER])
+        rated_power = turbine.drivetrain.rated_power
+        self._rated, self._taken = np.array([rated_power, power / rated_power]), power * self._curvature
         self._credited_steps = lags if env.options.rewards.credit else 0
         spans = env.operation.action.spans
         self._spans = env.operation.action.pitch_high.copy()
@@ -332,6 +346,9 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         space = env.observation_space
         self._low, self._high = np.asarray(space.low, float), np.asarray(space.high, float)
         self._recorded = model.observations
+        longest = self._recorded.shape[1] - round(SETTLED / dt) - lags
+        if self._most_steps is not None and self._most_steps > longest:
+            raise ValueError(f"max_episode_steps must be at most {longest} with this model, got {self._most_steps}")
         self._run, self._time, self._end, self._first = (np.zeros(n, np.int64) for _ in range(4))
         self._offset, self._acted = np.zeros((n, 3)), np.zeros((n, 3))
         self._changes, self._effects = np.zeros((n, lags, outputs)), np.zeros((n, outputs))
@@ -341,7 +358,6 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         self._generators = [np.random.default_rng() for _ in range(n)]
         self._seeds: list[int | None] = [None] * n
         self._over = np.ones(n, dtype=np.bool_)
-        self._threads, self._pool = 1, None
 
     # ---- episodes ----
 
@@ -392,22 +408,18 @@ class LinearVectorEnv(WindTurbineVectorEnv):
 
     def step_each(self, actions: np.ndarray) -> list[Outcome]:
         """Advance every model by a control step, with errors as of `step`."""
-        if not self._begun:
-            raise ResetNeeded("no episodes were started: call reset() before step()")
-        actions = np.asarray(actions)
-        over = self._over.copy()
-        if over.any() and self.autoreset_mode != AutoresetMode.NEXT_STEP:
-            raise ResetNeeded(f"the episodes of models {np.flatnonzero(over).tolist()} are over")
-        values = np.stack([self.layout.action.validate(action) for action in actions])
+        given, values, over = self._checked(actions), np.zeros((self.num_envs, 3)), self._over.copy()
         for k in range(self.num_envs):
-            if over[k]:  # this step is its reset
+            if over[k]:
                 self._draw(k)
+            else:
+                values[k] = given[k]
         model = self.model
         advance_all(
             ~over, values, self._spans, self._reach, model.share, self._run, self._time, self._offset, self._acted,
             self._changes, self._first, self._loads, self._responses, model.azimuth, model.pitch, self._lead,
-            self._weights, self._use, self._power, self._credited_steps, self._credited, self._effects, self._rewards,
-            self._now, self._scratch,
+            self._weights, self._use, self._power, self._rated, self._taken, len(LOADS) + _POWER, self._credited_steps,
+            self._credited, self._effects, self._rewards, self._now, self._scratch,
         )  # fmt: skip
         ended = (self._time >= self._end) & ~over
         rewards = self._dt * self._rewards
@@ -444,10 +456,10 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         slopes[..., 3:] = -2.0 * weights[2:] * loads[..., 3:] / (1.0 + loads[..., 3:] ** 2) ** 2
         lags = self._responses.shape[1]
         steps = loads.shape[1] - lags - 1
-        out = np.zeros((len(loads), steps, lags, 3))
+        out, share = np.zeros((len(loads), steps, lags, 3)), self.model.share[:, :steps, None]
         for lag in range(lags):
             ahead = slopes[:, lag + 1 : lag + 1 + steps]
-            out[:, :, lag] = np.einsum("abc,acj->abj", ahead, self._responses[:, lag, : len(LOADS)]) * spans
+            out[:, :, lag] = np.einsum("abc,acj->abj", ahead, self._responses[:, lag, : len(LOADS)]) * spans * share
         if self._credited_steps:  # all of it in the step of the action
             out[:, :, 0] = out.sum(2)
             out[:, :, 1:] = 0.0
@@ -468,8 +480,7 @@ class LinearVectorEnv(WindTurbineVectorEnv):
 
 
 def _modeled(env_id: str, kwargs: Mapping[str, Any], **changes: Any) -> dict[str, Any]:
-    given = {**registered_arguments(env_id, dict(kwargs)), **changes}
-    return {name: value for name, value in given.items() if name != "env_id"}
+    return registered_arguments(env_id, dict(kwargs)) | changes
 
 
 def _between(knots: NDArray[np.float64], values: NDArray[np.float64], at: float) -> Any:
@@ -498,13 +509,11 @@ class LinearTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode in a recorded wind, at a drawn time."""
         super().reset(seed=seed)
-        self._models._generators[0] = self.np_random
+        self._models._generators[0], self._models._most_steps = self.np_random, registered_limit(self.spec)
         return self._models.reset_each([None], options, [0])[0]
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Advance by one control step."""
-        if self._models._over[0]:
-            raise ResetNeeded("the episode is over, or none was started: call reset() before step()")
         out = self._models.step_each(np.asarray(action)[None])[0]
         return out.observation, cast(float, out.reward), out.terminated, out.truncated, out.info
 
@@ -532,7 +541,7 @@ def forecast(models: LinearVectorEnv, agent: Agent, skip: float = 30.0) -> list[
     for k in range(runs):
         models.start_at(k, k, 2.0 * dt)
     seen, changes, acted = models._observe(), [], []
-    while not models._over.any():
+    for _ in range(model.observations.shape[1] - 3):
         action, _ = agent.predict(seen, deterministic=True)
         outcomes = models.step_each(np.asarray(action))
         seen = np.stack([out.observation for out in outcomes])

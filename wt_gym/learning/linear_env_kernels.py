@@ -9,7 +9,7 @@ from wt_gym.envs.credit_kernels import effect_to_come, fatigue_rate
 @kernel(fastmath=False)
 def advance_all(
     running, actions, spans, reach, share, run, time, offset, acted, changes, first, loads, responses, azimuth, pitch,
-    lead, weights, use, power, lasting, credited, effects, rewards, now, scratch,
+    lead, weights, use, power, rated, taken, power_at, lasting, credited, effects, rewards, now, scratch,
 ):  # fmt: skip
     """Advance by one control step: offsets, what they change, and rewards beside zero actions.
 
@@ -36,8 +36,14 @@ def advance_all(
         Time from a demand to the pitch over the control step.
     weights : (4,)
         Of `wt_gym.envs.credit_kernels.fatigue_rate`.
-    use, power : float
-        Reward of pitch travel [1/rad] and of the square of the offsets [1/rad^2].
+    use : float
+        Reward of pitch travel [1/rad].
+    power : (n_runs, n)
+        Recorded [W]; its effect is the output ``power_at``.
+    rated : (2,)
+        Power up to which there is a reward [W], and that [1/W].
+    taken : (n_runs,)
+        Cost of the square of the offsets, in power [1/rad^2].
     lasting : int
         Steps that count for the credit; 0: none.
     credited, rewards : (n_envs,)
@@ -86,7 +92,8 @@ def advance_all(
             travel += (abs(own + added) - abs(own)) / n_blades
         for j in range(3):
             acted[k, j] = now[j]
-        reward -= use * travel + power * square
+        more = min(power[row, time[k]] + effects[k, power_at], rated[0]) - min(power[row, time[k]], rated[0])
+        reward += rated[1] * more - use * travel - taken[row] * square
         if lasting > 0:
             ahead = loads[row, instant + 2 : min(instant + 2 + lasting, loads.shape[1])]
             effect = effect_to_come(ahead, changes[k], first[k], weights, scratch)

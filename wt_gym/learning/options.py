@@ -197,8 +197,8 @@ class PretrainingOptions(Options):
     first_wind_seed: int = option("turbulence seed of the first episode; each has its own", default=1, low=0)
     conditions: tuple[Mapping[str, Any], ...] = option(
         "plant, sensors and drives other than those of the environment: its arguments variation, sensors, faults and "
-        "simulator. Episodes have them in turns, one that is listed twice has twice as many", default=({},), kinds=(tuple,),
-        check=not_empty, allowed="a list of mappings",
+        "simulator. Episodes have them in turns, one that is listed twice has twice as many", default=({},),
+        kinds=(tuple,), check=not_empty, allowed="a list of mappings",
     )  # fmt: skip
 
     def check(self) -> None:
