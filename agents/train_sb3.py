@@ -1,14 +1,15 @@
 """Train PPO of stable-baselines3 on a wind turbine, and draw its learning curve.
 
     python agents/train_sb3.py --linear 6000000 --steps 0        # on a linear model of the turbine: five minutes
-    python agents/train_sb3.py                                   # in the simulator: half an hour on two cores
+    python agents/train_sb3.py                                   # in the simulator: 35 minutes on two cores
     python agents/train_sb3.py --linear 6000000 --steps 400000   # one after the other
+    python agents/train_sb3.py --linear 6000000 --steps 0 --seeds 0 1 2   # curves of three seeds in one figure
 
 The turbine runs under its base controller; the policy adds three offsets to the pitch of the blades (mean, tilt, yaw).
 The reward of the task is relative to zero actions in the same wind: a return above 0 is better than the base controller
 alone. Six hyperparameters differ from those of the library. The policy is linear: so is the best law known, and a
 network of two layers learns it more slowly. Writes model.zip, model.json (its algorithm) and curve.png;
-evaluate_sb3.py tests the model.
+evaluate_sb3.py tests the model. Several seeds have folders seed-N and one curve each, of the last stage.
 """
 
 import argparse
@@ -41,15 +42,15 @@ class Returns(VecMonitor):
         return observations, rewards, dones, infos
 
 
-def draw(episodes, path, window=24):
-    """Learning curve: return of each episode and its moving mean."""
-    steps, returns = np.array(episodes).T
+def draw(curves, path, window=64):
+    """Learning curves: moving mean of the returns of each seed's episodes."""
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-    axes.plot(steps, returns, ".", alpha=0.3, label="episodes")
-    window = min(window, len(returns))
-    axes.plot(steps[window - 1 :], np.convolve(returns, np.ones(window) / window, "valid"), label=f"mean of {window}")
+    for seed, episodes in curves.items():
+        steps, returns = np.array(episodes).T
+        mean = np.convolve(returns, np.ones(min(window, len(returns))) / min(window, len(returns)), "valid")
+        axes.plot(steps[-len(mean) :] / 1e6, mean, label=f"seed {seed}")
     axes.axhline(0.0, color="black", linewidth=0.8, label="zero actions")
-    axes.set(xlabel="steps", ylabel="return against the base controller")
+    axes.set(xlabel="million decisions", ylabel="return of an episode against the base controller")
     axes.legend()
     figure.savefig(path, dpi=120)
 
@@ -73,25 +74,28 @@ def learn(env_id, turbines, steps, seed, policy=None):
 def main():
     """Train, and write the model and its learning curve."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--steps", type=int, default=1_500_000, help="in the simulator (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=2_100_000, help="in the simulator (default: %(default)s)")
     parser.add_argument("--linear", type=int, default=0, metavar="STEPS", help="before that on the linear model")
     parser.add_argument("--turbines", type=int, default=16, help="side by side (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="one training each (default: 0)")
     parser.add_argument("--out", type=Path, default=Path("runs/sb3"), help="folder (default: %(default)s)")
     arguments = parser.parse_args()
     if not arguments.linear + arguments.steps:
         parser.error("there must be steps in the simulator, on the linear model or both")
     torch.set_num_threads(1)  # small networks
-    policy, episodes = None, []
-    for env_id, turbines, steps in ((LINEAR_ID, 64, arguments.linear), (ENV_ID, arguments.turbines, arguments.steps)):
-        if steps:
-            model, episodes = learn(env_id, turbines, steps, arguments.seed, policy)
-            policy = model.policy
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    model.save(arguments.out / "model.zip")
-    (arguments.out / "model.json").write_text(json.dumps({"algo": "PPO"}))
-    if episodes:
-        draw(episodes, arguments.out / "curve.png")
+    stages = ((LINEAR_ID, 64, arguments.linear), (ENV_ID, arguments.turbines, arguments.steps))
+    curves = {}
+    for seed in arguments.seeds:
+        policy = None
+        for env_id, turbines, steps in stages:
+            if steps:
+                model, curves[seed] = learn(env_id, turbines, steps, seed, policy)
+                policy = model.policy
+        folder = arguments.out if len(arguments.seeds) == 1 else arguments.out / f"seed-{seed}"
+        folder.mkdir(parents=True, exist_ok=True)
+        model.save(folder / "model.zip")
+        (folder / "model.json").write_text(json.dumps({"algo": "PPO"}))
+    draw({seed: episodes for seed, episodes in curves.items() if episodes}, arguments.out / "curve.png")
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ def main():
     """Train, and write the policy and its learning curve."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", default="wt_gym/LoadReduction-v3", help="id (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=1_500_000, help="of all turbines (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=2_100_000, help="of all turbines (default: %(default)s)")
     parser.add_argument("--turbines", type=int, default=16, help="side by side (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("runs/single_file"), help="folder (default: %(default)s)")
@@ -118,7 +118,8 @@ def main():
 
     arguments.out.mkdir(parents=True, exist_ok=True)
     torch.save(agent.state_dict(), arguments.out / "policy.pt")
-    plt.plot(*zip(*episodes, strict=True), ".")
+    if episodes:
+        plt.plot(*zip(*episodes, strict=True), ".")
     plt.gca().set(xlabel="steps", ylabel="return of an episode against the base controller")
     plt.savefig(arguments.out / "curve.png")
 

@@ -45,7 +45,7 @@ def test_the_return_changes_by_the_effects_to_come_alone():
 
 @pytest.mark.parametrize("changes", [{"dial_weights": "simplex"}, {"reward": [BladeFatigue(), BladeFatigue(name="b")]}])
 def test_weights_that_are_not_fixed_are_refused(changes):
-    with pytest.raises(ValueError, match="one fatigue term of a kind, of a fixed weight"):
+    with pytest.raises(ValueError, match=r"at most one fatigue term of a kind|must be False with dial_weights"):
         gym.make(TASK.id, **changes)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
+from envs_tests.hawc2 import write_hawc2
 from wt_gym.base.errors import InflowError, SimulationError, TurbineDefinitionError
 from wt_gym.commands import evaluate
 from wt_gym.commands import parse as parse_command
@@ -20,7 +21,7 @@ from wt_gym.experiment.evaluation import EvaluationConfig
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
-from wt_gym.wind.files import read_bts, write_bts, write_hawc2
+from wt_gym.wind.files import read_bts, write_bts
 
 TURBINE = load_turbine("nrel_5mw")
 STEADY = "wt_gym/NREL5MW-Steady-v1"

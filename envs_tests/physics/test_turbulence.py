@@ -10,7 +10,6 @@ import pytest
 import scipy.integrate
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from envs_tests.physics.cases.operation import rotor_mean
 from wt_gym.base.errors import InflowError
 from wt_gym.control import Lidar
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
@@ -266,11 +265,11 @@ def test_yaw_and_inclination_turn_the_whole_field(box):
     )
 
 
-def test_the_mean_over_the_rotor_filters_turbulence(box):
+def test_rotor_effective_speed_filters_turbulence(box):
     """The disc mean follows the grid mean over the disc and varies less than the hub."""
     inflow = TurbulentInflow(box)
     times = np.arange(0.0, 100.0, 1.0)
-    effective = rotor_mean(inflow, times, DIAMETER)
+    effective = inflow.rotor_effective_speed(times, DIAMETER)
     assert effective.shape == times.shape
     assert effective.mean() == pytest.approx(SPEED, abs=0.05)
     hub = np.array([inflow.velocity([0.0, 0.0, HUB], t)[0] for t in times])

@@ -55,6 +55,8 @@ def test_a_model_of_stable_baselines3_is_trained_and_tested(run, capsys, tmp_pat
     assert {file.name for file in (tmp_path / "runs" / "sb3").iterdir()} == {"model.zip", "model.json", "curve.png"}
     run("evaluate_sb3.py", *SHORT)
     assert "PPO            Mean power" in capsys.readouterr().out
+    run("train_sb3.py", "--steps", "640", "--turbines", "1", "--seeds", "3", "4", "--out", str(tmp_path / "two"))
+    assert {file.name for file in (tmp_path / "two").iterdir()} == {"seed-3", "seed-4", "curve.png"}
 
 
 @pytest.mark.slow

@@ -227,8 +227,8 @@ def test_actions_and_resets_are_checked(model):
         env.step_each(np.full((RUNS, 3), 2.0))
     with pytest.raises(ValueError, match=f"{RUNS} actions are needed"):
         env.step_each(np.zeros((RUNS + 1, 3)))
-    with pytest.raises(ValueError, match="max_episode_steps must be at most 475"):
-        LinearVectorEnv(1, 476, model=model, modeled=TASK)
+    with pytest.raises(ValueError, match="max_episode_steps must be at most 474"):
+        LinearVectorEnv(1, 475, model=model, modeled=TASK)
     with pytest.raises(ValueError, match="no options"):
         env.reset(options={"wind_speed": 12.0})
     with pytest.raises(ValueError, match="for each of 3 runs"):

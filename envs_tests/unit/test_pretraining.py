@@ -322,6 +322,9 @@ def test_offsets_that_are_recorded_are_those_that_the_objective_takes_of_the_pol
     outputs, psi = plant_outputs(found), found.azimuth[7] + 2.0 * np.pi / 3.0 * np.arange(3)
     flap = outputs[0, 7] + outputs[1, 7] * np.cos(psi) + outputs[2, 7] * np.sin(psi)
     np.testing.assert_allclose(1e6 * flap, found.flap[:, 7])
+    edge = outputs[6, 7] + outputs[7, 7] * np.cos(psi) + outputs[8, 7] * np.sin(psi)
+    np.testing.assert_allclose(1e6 * edge, found.edge[:, 7])
+    assert np.ptp(found.edge[:, 7]) > 2e6  # gravity, which flapwise moments hardly have
 
 
 def drawn(job, seed, stands=False):

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from envs_tests.hawc2 import write_hawc2
 from wt_gym.base.errors import InflowError
 from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, TurningInflow, wind_from
-from wt_gym.wind.files import read_bts, read_hawc2, read_hipersim, write_bts, write_hawc2
+from wt_gym.wind.files import read_bts, read_hawc2, read_hipersim, write_bts
 from wt_gym.wind.series import read_csv, read_uniform
 
 HUB = 90.0

@@ -47,9 +47,11 @@ HORIZON = 15.0
 
 
 def fatigue_weights(terms: Iterable[RewardTerm]) -> NDArray[np.float64]:
-    """Weights (4,) of `wt_gym.envs.credit_kernels.fatigue_rate`."""
-    weights = np.zeros(4)
-    for term in terms:
+    """Weights (4,) of `wt_gym.envs.credit_kernels.fatigue_rate`; a ValueError where two terms are of one kind."""
+    weights, found = np.zeros(4), [term for term in terms if isinstance(term, _FATIGUE)]
+    if any(sum(isinstance(term, kind) for term in found) > 1 for kind in _FATIGUE):
+        raise ValueError("reward_credit and linear models need at most one fatigue term of a kind")
+    for term in found:
         if isinstance(term, BladeFatigue):
             weights[:2] = term.weight, term.fixed_frame
         for k, kind in enumerate((TowerForeAftFatigue, TowerSideSideFatigue), start=2):
@@ -146,9 +148,8 @@ class Credit(Term):
                 "reward_credit needs a base controller with an observer, such as "
                 "controller='discon+side_side_damper+observer', or must be False"
             )
-        kinds = [type(term) for term in terms if isinstance(term, _FATIGUE)]
-        if dialed or len(set(kinds)) < len(kinds):
-            raise ValueError("reward_credit needs one fatigue term of a kind, of a fixed weight, or must be False")
+        if dialed:
+            raise ValueError("reward_credit must be False with dial_weights: it needs fixed weights of the fatigue")
         self._twin, self._operation, self._dt = twin, operation, dt
         self._weights = fatigue_weights(terms)
         self._responses = normalized_responses(part.design, turbine, terms, dt)

@@ -168,6 +168,8 @@ def signal_to_noise(
     each = np.concatenate(gradients)
     variance, wind = each.var(0, ddof=1).sum(), np.concatenate(winds)
     of_winds = np.array([each[wind == run].sum(0) for run in np.unique(wind)])  # products within a wind are biased
+    if len(of_winds) < 2:
+        raise ValueError("signal to noise needs a model of several winds")
     pairs = len(wind) ** 2 - (np.unique(wind, return_counts=True)[1] ** 2).sum()
     signal = max(float((each.sum(0) ** 2).sum() - (of_winds**2).sum()) / pairs, 0.0)
     return float(signal / variance * DECISIONS / steps)

@@ -8,9 +8,10 @@ about that without any, recorded in turbulence, plus a linear response,
 with finite impulse responses G from runs with drawn offsets, by wind speed (`wt_gym.learning.recording.identify`).
 Spaces, action and reward are those of the environment whose arguments it is made of: observations are its own,
 recorded, with the effects on response, motion and offsets; the reward is that of its fatigue terms and of its pitch
-travel, beside zero actions, with credit (`wt_gym.envs.credit`) where it has that. What power takes is the square of the
-offsets times a coefficient from the runs (`wt_gym.learning.linear_design.curvature_of_power`). Left out are the ends of
-episodes, speeds beyond rated, and all that offsets do to the azimuth and to their own share.
+travel, beside zero actions, with credit (`wt_gym.envs.credit`) where it has that. Power has a linear response too, paid
+up to the rated one, less the square of the offsets times a coefficient from the runs
+(`wt_gym.learning.linear_design.curvature_of_power`). Left out are the energy of the rotor, the ends of episodes, speeds
+beyond rated, and all that offsets do to the azimuth and to their own share.
 
 The model is made at the first use, of two hours and forty minutes of simulated time, and kept in the cache of the user.
 """
@@ -62,7 +63,6 @@ RAW = (*LOADS, "edge_mean", "edge_tilt", "edge_yaw", "power")
 """What is recorded for the lifetime cost [N m, W]."""
 _POWER = RAW.index("power")
 _WASHED = [row for kind in (BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue) for row in kind.rows[1]]
-_LEAST_SHARE = 0.01
 SETTLED = 10.0
 """First part of a run, in which no episode starts [s]."""
 STILL = {"relative_reward": False, "reward_credit": False, "starts": None, "start": "steady", "episode_length": None}
@@ -228,7 +228,7 @@ def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions 
     responses, curvature = [], []
     for k in range(len(knots)):
         at = slice(k * options.excited, (k + 1) * options.excited)
-        if np.mean([run.share.mean() for run in moved[at]]) < _LEAST_SHARE:
+        if np.mean([run.share.mean() for run in moved[at]]) < 0.01:
             raise ValueError(f"offsets must act, and at {knots[k]:g} m/s they have faded out: give winds above")
         inputs = [run.acted.T for run in moved[at]]
         changes = [
@@ -346,7 +346,7 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         space = env.observation_space
         self._low, self._high = np.asarray(space.low, float), np.asarray(space.high, float)
         self._recorded = model.observations
-        longest = self._recorded.shape[1] - round(SETTLED / dt) - lags
+        longest = self._recorded.shape[1] - 1 - round(SETTLED / dt) - lags
         if self._most_steps is not None and self._most_steps > longest:
             raise ValueError(f"max_episode_steps must be at most {longest} with this model, got {self._most_steps}")
         self._run, self._time, self._end, self._first = (np.zeros(n, np.int64) for _ in range(4))
@@ -410,10 +410,9 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         """Advance every model by a control step, with errors as of `step`."""
         given, values, over = self._checked(actions), np.zeros((self.num_envs, 3)), self._over.copy()
         for k in range(self.num_envs):
+            values[k] = given.get(k, 0.0)
             if over[k]:
                 self._draw(k)
-            else:
-                values[k] = given[k]
         model = self.model
         advance_all(
             ~over, values, self._spans, self._reach, model.share, self._run, self._time, self._offset, self._acted,
@@ -510,7 +509,9 @@ class LinearTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray]):
         """Start an episode in a recorded wind, at a drawn time."""
         super().reset(seed=seed)
         self._models._generators[0], self._models._most_steps = self.np_random, registered_limit(self.spec)
-        return self._models.reset_each([None], options, [0])[0]
+        start = self._models.reset_each([None], options, [0])[0]
+        self._models._end[0] = self._models._recorded.shape[1] - 1  # a limit is that of the wrapper, and for the draw
+        return start
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Advance by one control step."""

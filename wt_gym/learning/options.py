@@ -243,6 +243,8 @@ def _checked_condition(given: Any, skip: float) -> dict[str, Any]:
         raise ValueError(
             f"each of conditions must have {', '.join(CONDITION_ARGUMENTS)} alone, got {', '.join(map(str, foreign))}"
         )
+    if callable(flat.get("simulator")):
+        raise ValueError("the simulator of a condition must be a name or a mapping, got a function")
     if "fault_kinds" in flat:
         kinds = flat["fault_kinds"]
         single = isinstance(kinds, str) or (isinstance(kinds, list | tuple) and len(kinds) == 1)

@@ -340,7 +340,8 @@ class _Work:
     def _definition(self, job: EpisodeJob) -> dict[str, Any]:
         """Everything on which the numbers of an episode depend."""
         values = {part.name: getattr(job, part.name) for part in fields(job)}
-        return {"fingerprint": self._fingerprint, "wind_files": wind_files_of(self._arguments), **described(values)}
+        own = {"fingerprint": self._fingerprint, "parts": [part.name for part in fields(RecordedEpisode)]}
+        return {**own, "wind_files": wind_files_of(self._arguments), **described(values)}
 
     @cached_property
     def _fingerprint(self) -> dict[str, Any]:

@@ -277,7 +277,8 @@ def read_hawc2(
     InflowError
         If a file cannot be read or has another size than the shape asks for, or a number is out of range.
     """
-    _check_three_files(files)
+    if isinstance(files, str | os.PathLike) or len(files) != 3:
+        raise InflowError(f"a HAWC2 box has three files, of u, v and w; got {files!r:.200}")
     counts = _three(shape, "shape", "points")
     if any(n != int(n) or n < 2 for n in counts):
         raise InflowError(f"shape must be three whole numbers of at least 2 points (n_x, n_y, n_z); got {shape!r}")
@@ -332,33 +333,6 @@ def read_hipersim(path: _PathLike, mean_speed: float, hub_height: float, **optio
             raise InflowError(f"{path}: {name} must ascend in equal steps")
         spacing.append(float(steps.mean()))
     return _mann_box(array.values.astype(np.float32), spacing, mean_speed, hub_height, Path(path).name, **options)
-
-
-def write_hawc2(box: TurbulenceBox, files: Sequence[_PathLike]) -> _Three:
-    """Write the fluctuations of a box as HAWC2's three files.
-
-    Parameters
-    ----------
-    box
-        With whatever it holds: of a profile of its own only the part about the mean speed.
-    files
-        Of u, v and w; replaced if they exist.
-
-    Returns
-    -------
-    tuple of float
-        Spacing (dx, dy, dz) [m].
-    """
-    _check_three_files(files)
-    samples = np.moveaxis(box.scale * box.fluctuation[::-1], (3, 0, 2, 1), (0, 1, 2, 3))
-    for path, component in zip(files, samples, strict=True):
-        Path(path).write_bytes(np.ascontiguousarray(component, dtype="<f4").tobytes())
-    return box.time_step * box.mean_speed, box.spacing_y, box.spacing_z
-
-
-def _check_three_files(files: Sequence[_PathLike]) -> None:
-    if isinstance(files, str | os.PathLike) or len(files) != 3:
-        raise InflowError(f"a HAWC2 box has three files, of u, v and w; got {files!r:.200}")
 
 
 def _mann_box(

@@ -15,6 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from wt_gym.base.errors import InflowError
 from wt_gym.base.quantities import Array
 
+_N_RINGS = 8
+_N_AZIMUTHS = 24
+
 
 @runtime_checkable
 class Inflow(Protocol):
@@ -151,6 +154,34 @@ class PointInflow:
     def start_speed(self) -> float:
         """Wind speed at hub height at time zero [m/s], turbulence left out: a turbine starts at its operating point."""
         return self.mean_speed
+
+    def rotor_effective_speed(self, time: ArrayLike, rotor_diameter: float) -> float | Array:
+        """Mean over the rotor disc of the wind component along x.
+
+        The disc stands upright at x = 0 with its center at hub height and faces −x. The mean is taken over 192
+        points of equal area.
+
+        Parameters
+        ----------
+        time
+            Time or times [s].
+        rotor_diameter
+            Diameter of the disc [m].
+
+        Returns
+        -------
+        float or numpy.ndarray
+            Rotor-effective wind speed [m/s], the shape of ``time``.
+        """
+        radius = 0.5 * require_number(rotor_diameter, "rotor_diameter", "m", 0.0, open_minimum=True)
+        ring = radius * np.sqrt((np.arange(_N_RINGS) + 0.5) / _N_RINGS)
+        azimuth = 2.0 * np.pi * np.arange(_N_AZIMUTHS) / _N_AZIMUTHS
+        disc = np.zeros((_N_RINGS, _N_AZIMUTHS, 3))
+        disc[..., 1] = np.outer(ring, np.sin(azimuth))
+        disc[..., 2] = self.hub_height + np.outer(ring, np.cos(azimuth))
+        times = np.asarray(time, dtype=np.float64)
+        means = [float(self.velocity(disc, t)[..., 0].mean()) for t in times.ravel()]
+        return means[0] if times.ndim == 0 else np.array(means).reshape(times.shape)
 
     def __str__(self) -> str:
         return self.description

@@ -23,15 +23,6 @@ from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 # ---- NREL 5-MW ------------------------------------------------------------------------------------------------------
 
-
-def rotor_mean(inflow, times, diameter):
-    """Mean wind along x over 192 points of equal area on the rotor disc [m/s]."""
-    radius, angle = 0.5 * diameter * np.sqrt((np.arange(8) + 0.5) / 8), 2.0 * np.pi * np.arange(24) / 24
-    across, up = np.outer(radius, np.sin(angle)), inflow.hub_height + np.outer(radius, np.cos(angle))
-    disc = np.stack([np.zeros_like(up), across, up], axis=-1)
-    return np.array([inflow.velocity(disc, float(t))[..., 0].mean() for t in times])
-
-
 FIG_9_1 = "Jonkman et al. 2009, NREL/TP-500-38060, Figure 9-1 (FAST, blade-element momentum theory)"
 FIDELITY = "training"
 """Fidelity of the curve; any name or `Fidelity` of the simulator."""
@@ -355,7 +346,7 @@ def wind_estimate(winds=(8.0, 12.0, 16.0), duration=200.0) -> CaseResult:
 
         run_controller(simulator, make_controller("discon", turbine), duration, dt, take)
         times = dt * np.arange(1, len(found) + 1)[skip:]
-        estimate, truth = np.array(found[skip:]), rotor_mean(inflow, times, turbine.rotor_diameter)
+        estimate, truth = np.array(found[skip:]), inflow.rotor_effective_speed(times, turbine.rotor_diameter)
         correlation, error = float(np.corrcoef(estimate, truth)[0, 1]), estimate - truth
         rms, bias = float(np.sqrt(np.mean(error**2))), float(error.mean())
         lines.append(f"{wind:g} m/s: correlation {correlation:.3f}, rms {rms:.2f} m/s, mean error {bias:+.2f} m/s")
