@@ -47,7 +47,8 @@ def draw(curves, path, window=64):
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
     for seed, episodes in curves.items():
         steps, returns = np.array(episodes).T
-        mean = np.convolve(returns, np.ones(min(window, len(returns))) / min(window, len(returns)), "valid")
+        width = min(window, len(returns))
+        mean = np.convolve(returns, np.ones(width) / width, "valid")
         axes.plot(steps[-len(mean) :] / 1e6, mean, label=f"seed {seed}")
     axes.axhline(0.0, color="black", linewidth=0.8, label="zero actions")
     axes.set(xlabel="million decisions", ylabel="return of an episode against the base controller")

@@ -99,9 +99,9 @@ def test_forecasts_of_the_cost_hold_in_the_simulator(policies):
     }  # fmt: skip
     for name, agent in agents.items():
         changes = forecast(models, agent, SKIP)
-        told = -100.0 * np.mean([sum(LIFETIME_COST_WEIGHTS[k] * v for k, v in one.items()) for one in changes])
+        forecast_gain = -100.0 * np.mean([sum(LIFETIME_COST_WEIGHTS[k] * v for k, v in one.items()) for one in changes])
         found = improvement(agent)
-        assert told == pytest.approx(found, abs=1.0), name
+        assert forecast_gain == pytest.approx(found, abs=1.0), name
 
 
 def test_what_ppo_learns_on_the_linear_model_holds_in_the_simulator(policies):

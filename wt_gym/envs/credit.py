@@ -41,15 +41,15 @@ if TYPE_CHECKING:
     from wt_gym.envs.twin import Twin
     from wt_gym.turbines import Turbine
 
-_FATIGUE = (BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue)
+FATIGUE = (BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue)
 HORIZON = 15.0
 """Time in which the effects of an offset count [s]."""
 
 
 def fatigue_weights(terms: Iterable[RewardTerm]) -> NDArray[np.float64]:
     """Weights (4,) of `wt_gym.envs.credit_kernels.fatigue_rate`; a ValueError where two terms are of one kind."""
-    weights, found = np.zeros(4), [term for term in terms if isinstance(term, _FATIGUE)]
-    if any(sum(isinstance(term, kind) for term in found) > 1 for kind in _FATIGUE):
+    weights, found = np.zeros(4), [term for term in terms if isinstance(term, FATIGUE)]
+    if any(sum(isinstance(term, kind) for term in found) > 1 for kind in FATIGUE):
         raise ValueError("reward_credit and linear models need at most one fatigue term of a kind")
     for term in found:
         if isinstance(term, BladeFatigue):
@@ -72,7 +72,7 @@ def as_in_terms(
     """Series of `wt_gym.envs.fatigue.LOADS` (m, 5, ..., n) [N m] as terms normalize and filter them, zero before."""
     found = loads.copy()
     for term in terms:
-        if isinstance(term, _FATIGUE):
+        if isinstance(term, FATIGUE):
             rows, washed = term.rows
             found[:, rows] /= term.reference(turbine)
             found[:, washed] = without_mean(found[:, washed], dt, term.time_constant)

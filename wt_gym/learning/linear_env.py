@@ -37,8 +37,8 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.base.user_cache import cached_file
 from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, LoadObserver, linear_part, side_sign
 from wt_gym.control.sensors import to_fixed_frame
-from wt_gym.envs.credit import HORIZON, as_in_terms, fatigue_weights, steps_of_observer
-from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
+from wt_gym.envs.credit import FATIGUE, HORIZON, as_in_terms, fatigue_weights, steps_of_observer
+from wt_gym.envs.fatigue import LOADS
 from wt_gym.envs.options import PlainSpec, registered_arguments
 from wt_gym.envs.power import Power
 from wt_gym.envs.rewards import ActuatorUse, Overspeed
@@ -62,12 +62,12 @@ if TYPE_CHECKING:
 RAW = (*LOADS, "edge_mean", "edge_tilt", "edge_yaw", "power")
 """What is recorded for the lifetime cost [N m, W]."""
 _POWER = RAW.index("power")
-_WASHED = [row for kind in (BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue) for row in kind.rows[1]]
+_WASHED = [row for kind in FATIGUE for row in kind.rows[1]]
 SETTLED = 10.0
 """First part of a run, in which no episode starts [s]."""
 STILL = {"relative_reward": False, "reward_credit": False, "starts": None, "start": "steady", "episode_length": None}
 """Arguments of a run that is recorded: without starts amid operation, and with the reward of single steps."""
-_TERMS = (Power, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue, ActuatorUse, Overspeed)
+_TERMS = (*FATIGUE, Power, ActuatorUse, Overspeed)
 _OWN = ("response_", "tower_velocity_", "tower_displacement_")
 """Beginnings of the names of channels that offsets move."""
 
@@ -203,10 +203,8 @@ def record_runs(
         return list(pool.map(play, jobs))
 
 
-def make_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions = ModelOptions()) -> LinearModel:
-    """Record and identify a model, see `LinearModel`."""
-    env = WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
-    check_environment(env)
+def make_model(env: WindTurbineEnv, env_id: str, arguments: Mapping[str, Any], options: ModelOptions) -> LinearModel:
+    """Record and identify a model of an environment of these arguments, see `LinearModel`."""
     low, high = env.wind.speeds
     spans, dt = env.operation.action.pitch_high, env.control_dt
     part = cast(LoadObserver, linear_part(env.controller))
@@ -271,7 +269,7 @@ def cached_model(env_id: str, arguments: Mapping[str, Any], options: ModelOption
     store = RecordingStore(cached_file("linear"), LinearModel)
     if (model := store.find(definition)) is None:
         print(f"recording a linear model of {env.turbine.name}: a minute or two, once on this machine", file=sys.stderr)
-        model = make_model(env_id, arguments, options)
+        model = make_model(env, env_id, arguments, options)
         store.keep(definition, model)
     return model
 

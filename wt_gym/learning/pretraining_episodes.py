@@ -31,7 +31,7 @@ import torch
 from wt_gym.analysis.metrics import BLADE_EXPONENT, LIFETIME_COST_WEIGHTS, TOWER_EXPONENT
 from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
-from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, linear_part, side_sign
+from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, linear_part, series_in_fixed_frame, side_sign
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.envs.options import registered_arguments
@@ -334,14 +334,8 @@ _DIALED = {
 
 def plant_outputs(episode: RecordedEpisode) -> NDArray[np.float64]:
     """`OUTPUTS` (9, n + 1) of an episode."""
-    n = len(episode.flap)
-    angles = episode.azimuth + 2.0 * math.pi / n * np.arange(n)[:, None]
-
-    def fixed_frame(moments: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        return [moments.mean(0), *(2.0 / n * (moments * turn(angles)).sum(0) for turn in (np.cos, np.sin))]
-
-    rows = [*fixed_frame(episode.flap), *episode.tower, episode.power, *fixed_frame(episode.edge)]
-    return np.stack(rows) / _MEGA
+    flap, edge = (series_in_fixed_frame(moments, episode.azimuth) for moments in (episode.flap, episode.edge))
+    return np.stack([*flap, *episode.tower, episode.power, *edge]) / _MEGA
 
 
 class Plants:

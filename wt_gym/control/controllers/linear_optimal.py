@@ -87,14 +87,18 @@ def measured_outputs(signals: Readings, n_blades: int, sign: float, out: NDArray
     )  # fmt: skip
 
 
+def series_in_fixed_frame(values: NDArray[np.float64], azimuth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean, tilt and yaw (3, n) of series of every blade (n_blades, n), blade 1 at the azimuth (n,) [rad]."""
+    n_blades = len(values)
+    angles = azimuth + 2.0 * math.pi / n_blades * np.arange(n_blades)[:, None]
+    return np.stack([values.mean(0), *(2.0 / n_blades * (values * turn(angles)).sum(0) for turn in (np.cos, np.sin))])
+
+
 def recorded_outputs(channels: Mapping[str, NDArray[np.float64]], n_blades: int, sign: float) -> NDArray[np.float64]:
     """`OUTPUTS` of a record (6, n), from channels (n,) by name."""
-    angles = channels["azimuth"][None] + 2.0 * math.pi / n_blades * np.arange(n_blades)[:, None]
     moments = np.stack([channels[f"root_flap_moment_{b + 1}"] for b in range(n_blades)])
     return np.stack([
-        moments.mean(0),
-        2.0 / n_blades * (moments * np.cos(angles)).sum(0),
-        2.0 / n_blades * (moments * np.sin(angles)).sum(0),
+        *series_in_fixed_frame(moments, channels["azimuth"]),
         channels["nacelle_acceleration_fore_aft"],
         sign * channels["nacelle_acceleration_side_side"],
         channels["rotor_speed"],
