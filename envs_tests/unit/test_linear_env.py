@@ -11,8 +11,12 @@ from scipy.signal import fftconvolve
 import wt_gym
 from wt_gym.envs.fatigue import LOADS
 from wt_gym.envs.terms import Transition
+from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning import linear_env
 from wt_gym.learning.linear_env import RAW, LinearModel, LinearTurbineEnv, LinearVectorEnv, forecast
+from wt_gym.learning.models import ArrayPPO
+from wt_gym.learning.options import TrainingConfig
+from wt_gym.learning.train import train
 from wt_gym.tasks import TASKS
 
 TASK = TASKS["LoadReduction"].id
@@ -237,3 +241,29 @@ def test_actions_and_resets_are_checked(model):
 
 def test_the_loads_of_the_model_are_those_of_the_reward(model):
     assert RAW[: len(LOADS)] == LOADS
+
+
+def test_a_training_begins_on_the_linear_model_with_larger_steps_than_in_the_simulator(model, tmp_path, monkeypatch):
+    monkeypatch.setattr(linear_env, "cached_model", lambda *_: model)
+    rates = []
+    learn = ArrayPPO.learn
+
+    def watched(self, steps, *arguments, **named):
+        rates.append((self.n_envs, self.lr_schedule(1.0), steps))
+        return learn(self, 0 if self.n_envs == 1 else steps, *arguments, **named)
+
+    monkeypatch.setattr(ArrayPPO, "learn", watched)
+    config = TrainingConfig(
+        env_id=TASK, linear_steps=256, total_steps=2, n_envs=1, eval_every=0, tensorboard=False,
+        hyperparameters={"learning_rate": "lin_6e-3", "rollout_steps": 128, "batch_size": 32, "n_epochs": 1},
+    )  # fmt: skip
+    record = train(config, tmp_path / "run", progress=False)
+    assert rates == [(64, pytest.approx(6e-3), 256), (1, pytest.approx(1e-3), 2)]
+    assert record["linear"]["steps"] == 256
+    policy = TrainedAgent.load(tmp_path / "run" / "model.zip", "PPO", trust=True).model.policy
+    assert float(policy.action_net.bias.detach().abs().max()) > 0.0  # a fresh one has none
+
+
+def test_steps_on_a_linear_model_go_with_nothing_that_it_does_not_have():
+    with pytest.raises(ValueError, match="linear_steps must be left out except with PPO"):
+        TrainingConfig(linear_steps=1, algorithm="SAC")

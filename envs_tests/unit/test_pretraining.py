@@ -497,7 +497,7 @@ def test_environments_that_cannot_be_pretrained_on(changes, message):
         ({"conditions": [{"variation": {"drive_lag": [0.0, 0.3]}}]}, "drive_lag of a condition must be one number"),
         ({"conditions": [{"faults": {"kinds": "all"}}]}, "must be of one kind, got 'all'"),
         ({"conditions": [{"faults": {"kinds": "iced_blade", "time": 21.0}}]}, "at one time within the 20 s"),
-        ({"conditions": [{}] * 13}, "held_out must be at least the number of conditions, 13"),
+        ({"conditions": [{}] * 49}, "held_out must be at least the number of conditions, 49"),
     ],
 )
 def test_options_are_refused(values, message):

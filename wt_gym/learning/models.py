@@ -197,6 +197,8 @@ class _Update:
 
 
 _OF_THE_POLICY = ("net_arch", "log_std_init", "activation_fn", "n_quantiles", "n_critics")
+_FINE = 1.0 / 6.0
+"""Learning rate of a policy that is good already, over that of a fresh one."""
 _OF_THE_ENVIRONMENT = ("normalize_observations", "normalize_rewards")
 _LEARNING_CLASSES: dict[str, type[BaseAlgorithm]] = {**ALGORITHM_CLASSES, "PPO": ArrayPPO}
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
@@ -205,6 +207,9 @@ _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.EL
 def make_model(config: TrainingConfig, venv: VecNormalize) -> BaseAlgorithm:
     """Fresh model of a configuration; a ValueError where the hyperparameters do not go together."""
     chosen = of_each_copy(config.resolved, venv.num_envs)
+    if config.linear_steps and (rate := chosen.get("learning_rate")) is not None:
+        falls, number = str(rate).startswith("lin_"), _FINE * float(str(rate).removeprefix("lin_"))
+        chosen["learning_rate"] = f"lin_{number}" if falls else number
     values = {name: _value(entry) for name, entry in chosen.items() if name not in _OF_THE_ENVIRONMENT}
     policy = {name: values.pop(name) for name in _OF_THE_POLICY if name in values}
     if values.pop("linear_policy", False):

@@ -71,6 +71,10 @@ class TrainingConfig(Options):
         "environment steps over all copies, in a command 0 with a pretraining; the last rollout of PPO is finished "
         "beyond them", default=200_000, low=0, high=_MOST_STEPS,
     )  # fmt: skip
+    linear_steps: int = option(
+        "steps before those, on the linear model of the environment (wt_gym.learning.linear_env), fifty times as fast; "
+        "in the simulator the learning rate is a sixth then", default=0, low=0, high=_MOST_STEPS,
+    )  # fmt: skip
     max_seconds: float | None = option(
         "wall time after which training stops, counted from zero when it is resumed", default=None, unit="s", low=0.0,
         high=_MOST_SECONDS, otherwise="no limit",
@@ -113,6 +117,8 @@ class TrainingConfig(Options):
         for name in ("budgets", "pretraining"):
             if getattr(self, name) is not None and self.algorithm != "PPO":
                 raise ValueError(f"{name} must be left out except with the algorithm PPO, got {self.algorithm!r}")
+        if self.linear_steps and (self.pretraining is not None or self.budgets is not None or self.algorithm != "PPO"):
+            raise ValueError("linear_steps must be left out except with PPO without pretraining and budgets")
         others = sorted(set(self.budgets or {}) - {PITCH_TRAVEL})  # a pretraining forecasts the travel of its offsets
         if self.pretraining is not None and not self.total_steps and others:
             raise ValueError(
@@ -168,18 +174,18 @@ class PretrainingOptions(Options):
     title = "pretraining"
 
     rounds: int = option(
-        "recordings under the present policy with an optimization behind each; 0: no pretraining", default=2, low=0
+        "recordings under the present policy with an optimization behind each; 0: no pretraining", default=1, low=0
     )
-    episodes: int = option("episodes of a round", default=96, low=2)
+    episodes: int = option("episodes of a round", default=384, low=2)
     held_out: int = option(
-        "episodes that take no part in the optimization and choose between its steps", default=12, low=1
+        "episodes that take no part in the optimization and choose between its steps", default=48, low=1
     )
     duration: float = option("length of an episode", default=300.0, unit="s", low=0)
     skip: float = option("start of it that does not count", default=20.0, unit="s", low=0)
     # the learning rate rises over a tenth of them
-    iterations: int = option("steps of the optimizer in a round", default=300, low=20)
-    batch: int = option("episodes of a step", default=6, low=1)
-    learning_rate: float = option("learning rate of the optimizer", default=1e-3, low=0)
+    iterations: int = option("steps of the optimizer in a round", default=1500, low=20)
+    batch: int = option("episodes of a step", default=8, low=1)
+    learning_rate: float = option("learning rate of the optimizer", default=1.5e-3, low=0)
     weight_decay: float = option("decay of the weights of the policy", default=1e-3, low=0)
     noise: float = option(
         "standard deviation of the noise on the observations, in their normalized units", default=0.1, low=0

@@ -309,12 +309,13 @@ class _Work:
         if self.env.wind.speeds is None:
             raise ValueError("pretraining needs winds with a mean speed: wind_speed=(low, high)")
         self._speeds, self._say = self.env.wind.speeds, execution.progress
-        self._id, self._arguments = env_id, env_kwargs
+        # limits change no episode: recordings serve every budget
+        self._id, self._arguments = env_id, {k: v for k, v in env_kwargs.items() if not k.startswith("cost_limits")}
         self._store = RecordingStore(execution.recordings, RecordedEpisode)
 
     def before_any_policy(self) -> tuple[Any, list[RecordedEpisode]]:
         """Plants, and episodes under the base controller alone."""
-        arguments = {name: v for name, v in self._arguments.items() if not name.startswith(("dial_", "cost_limits"))}
+        arguments = {name: v for name, v in self._arguments.items() if not name.startswith("dial_")}
         key = (self._id, json.dumps(arguments, sort_keys=True), json.dumps(asdict(self._options), sort_keys=True))
         if key not in _untrained:
             _untrained.clear()

@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from contextlib import closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +48,9 @@ if TYPE_CHECKING:
 __all__ = ["resume", "train"]
 
 _PACKAGES = ("stable-baselines3", "sb3-contrib", "torch", "gymnasium")  # the record names their versions
+LINEAR_ID = "wt_gym/LoadReduction-Linear-v0"
+_MODELS = 64
+"""Linear models side by side."""
 _CURVE = ("steps", "episode_return", "episode_length")
 _EVALUATION_CURVE = ("steps", *FIGURES)
 
@@ -101,6 +104,8 @@ def train(
             run.clear()  # nothing can be refused any more
             if config.pretraining is not None:
                 session.pretrain(progress, stop)
+            if config.linear_steps:
+                session.learn_on_linear_model(progress, stop)
             record = session.learn(progress, stop)
             run.remove_recordings()
             return record
@@ -182,7 +187,7 @@ class _Session:
         self._sessions = list(_entry(before, "sessions", list, []))
         self._curve = _curve(before, _CURVE, self._first_step)
         evaluated = _entry(before, "evaluation", dict, None) or {}
-        self._pretraining = before.get("pretraining")
+        self._pretraining, self._linear = before.get("pretraining"), before.get("linear")
         budgeted = unwrap_vec_wrapper(venv, BudgetedVecEnv)
         self._budgets = None if budgeted is None else BudgetUpdates(budgeted, before.get("budgets"))
         self._evaluations = None
@@ -223,6 +228,22 @@ class _Session:
                 (config.budgets or {}).get(PITCH_TRAVEL),
             )  # fmt: skip
         self._pretraining["seconds"] = round(time.monotonic() - began, 1)
+
+    def learn_on_linear_model(self, progress: bool, stop: StopRequest | None) -> None:
+        """Train the fresh policy on the linear model of the environment; KeyboardInterrupt where asked to stop."""
+        config = self._config
+        before = replace(config, total_steps=config.linear_steps, linear_steps=0, max_seconds=None)
+        modeled = {**config.env_kwargs, "modeled": config.env_id}
+        linear = replace(before, env_id=LINEAR_ID, env_kwargs=modeled, n_envs=_MODELS)
+        with closing(make_training_env(linear)) as venv, stop_on_signals(stop) as request:
+            model = make_model(linear, venv)
+            watch = Watch(before, self._layout.control_dt, {name: [] for name in _CURVE}, request, progress)
+            model.learn(config.linear_steps, watch)
+            watch.finish()
+            if request.signal_number is not None:
+                raise KeyboardInterrupt(f"the training on the linear model was stopped by {request.name}")
+            self._model.policy.load_state_dict(model.policy.state_dict())
+        self._linear = {"steps": int(model.num_timesteps), "seconds": round(watch.seconds, 1)}
 
     def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:
         """Train until the steps are done, time is over or somebody asks to stop; give the record."""
@@ -293,6 +314,7 @@ class _Session:
             "config": asdict(config),
             "environment": resolved_arguments(config.env_id, config.env_kwargs),
             "pretraining": self._pretraining,
+            "linear": self._linear,
             "budgets": None if self._budgets is None else self._budgets.record(config.budgets or {}),
             "curve": self._curve,
             "evaluation": None if self._evaluations is None else self._evaluations.record(),
