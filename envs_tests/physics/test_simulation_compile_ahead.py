@@ -135,7 +135,7 @@ def test_what_was_never_run_is_announced_once_and_compiled_with_help(plain, monk
     def with_help(*given):
         helped.append(given)
 
-    monkeypatch.setattr("wt_gym.simulation.compilation._cores", lambda: 2)
+    monkeypatch.setattr("wt_gym.simulation.compilation.usable_cores", lambda: 2)
     compile_once(NeverRun, *plain, with_help)
     compile_once(NeverRun, *plain, with_help)
     assert caplog.messages == [
@@ -147,7 +147,7 @@ def test_what_was_never_run_is_announced_once_and_compiled_with_help(plain, monk
     with monkeypatch.context() as alone:
         alone.setenv("WT_GYM_COMPILE_ALONE", "1")
         compile_once(NeverRun, *plain, with_help)
-    monkeypatch.setattr("wt_gym.simulation.compilation._cores", lambda: 1)
+    monkeypatch.setattr("wt_gym.simulation.compilation.usable_cores", lambda: 1)
     compile_once(NeverRun, *plain, with_help)
     assert len(helped) == 2
 

@@ -1,4 +1,4 @@
-"""Ceilings of the benchmark: learned offsets against exact optima, the ladder of information, files and tables."""
+"""Ceilings of the benchmark: learned offsets against exact optima, files and tables."""
 
 import dataclasses
 import json
@@ -8,14 +8,12 @@ from pathlib import Path
 import ceiling as ceilings
 import numpy as np
 import pytest
-from ceiling import CeilingOptions, ceiling_table, ladder_table, make_ceiling, write_ceiling
-from ceiling_ladder import Rung, Seen, beam_readings, climb, known_wind, rungs_of
+from ceiling import CeilingOptions, ceiling_table, make_ceiling, write_ceiling
 from ceiling_oracle import LoadQuadratic, OracleOptions, Played, best_of, learn_offsets, limited, optimal_change
 
 from wt_gym.base.errors import BenchmarkError
 from wt_gym.control import Demand
 from wt_gym.control.controllers.linear_optimal import PitchOffsets
-from wt_gym.control.sensors import Lidar
 from wt_gym.experiment.benchmark import into_page, leaderboard, to_markdown
 from wt_gym.experiment.benchmark_tasks import BenchmarkTask, Ceiling, ceiling_of, load_task, task_file, task_names
 from wt_gym.learning.linear_design import Plant, forecast
@@ -23,7 +21,6 @@ from wt_gym.learning.options import FeedbackOptions
 from wt_gym.learning.recording import Recording, respond
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 DT, STEPS = 0.1, 600
 SPEED = 12.1 * math.pi / 30
@@ -199,68 +196,6 @@ def test_what_has_no_meaning_is_refused(turbine):
         learn_offsets(lambda levels: None, Played(None, None, ("overspeed",)), plant_of(TAP, turbine), turbine)
 
 
-# ---------------------------------------------------------------- the ladder
-
-
-def test_who_knows_more_gains_more(turbine):
-    """Of disturbances that last half a second nothing is won late, and most with a look ahead."""
-    plant = plant_of(WHOLE, turbine)
-    options = OracleOptions(feedback=FeedbackOptions(skip=5.0, longest=3.0), rate_limit=10.0)
-    blind = np.zeros((4, 4, STEPS))
-    runs = [Seen(recording(WHOLE, rough(seed, 0.5)), blind) for seed in range(5)]
-    rungs = [Rung("late", preview=-0.4), Rung("now"), Rung("near", preview=0.4)]
-    late, now, near = (climb(rung, runs[:3], runs[3:], plant, turbine, options)["improvement"] for rung in rungs)
-    assert now > late + 0.02
-    assert near > now + 0.05
-
-
-def test_the_ladder_ends_with_the_whole_wind(turbine):
-    """A load that offsets can cancel is gone, and with it its part of the cost."""
-    run, plant = recording(TAP, sine(4e5)), plant_of(TAP, turbine)
-    options = OracleOptions(feedback=ONLY_TOWER, rate_limit=1.0)
-    found = known_wind([Seen(run, np.zeros((4, 4, STEPS)))], plant, turbine, options)
-    assert 0.95 * 0.15 < found["improvement"] <= 0.15
-    assert found["improvement"] == pytest.approx(-0.15 * found["tower_fore_aft_del"])
-
-
-def test_a_lidar_that_sees_the_load_coming_is_used(turbine):
-    """Its farthest gate sees what moves the flapwise mean half a second before it does."""
-    plant = plant_of(WHOLE, turbine)
-    feedback = FeedbackOptions(weights={"blade_flap_del": 0.2}, skip=5.0, longest=3.0)
-    options = OracleOptions(feedback=feedback, rate_limit=10.0)
-    runs = []
-    for seed in range(4):
-        disturbance = rough(seed, 0.3)
-        beams = np.zeros((4, 4, STEPS))
-        beams[3] = np.roll(disturbance[0], -5)[:STEPS] / 3e5
-        disturbance[3:5] = disturbance[6:8] = disturbance[1:3] = 0.0
-        disturbance[6:8] = 1e3 * np.sin(np.arange(STEPS + 1))
-        runs.append(Seen(recording(WHOLE, disturbance), beams))
-    found = [
-        climb(Rung("x", lidar), runs[:3], runs[3:], plant, turbine, options)["improvement"]
-        for lidar in ("none", "mean", "beams")
-    ]
-    assert found[1] > found[0] + 0.01
-    assert found[2] > found[0] + 0.01
-
-
-def test_rungs_are_whole_steps():
-    assert [rung.preview for rung in rungs_of(0.1)] == [-0.4, -0.2, 0.0, 0.0, 0.0, 0.2, 0.4, 0.6, 1.0, 2.0, 5.0]
-    assert 0.2 not in [rung.preview for rung in rungs_of(0.25)]
-
-
-def test_beams_have_the_mean_that_the_lidar_reads():
-    box = TurbulenceBox.kaimal(12.0, 90.0, 126.0, "B", seed=1)
-    inflow, lidar = TurbulentInflow(box, SteadyInflow(12.0, shear_exponent=0.2)), Lidar((60.0, 120.0))
-    times = np.array([0.0, 7.3, 40.0])
-    found = beam_readings(inflow, lidar, times, 90.0)
-    assert found.shape == (2, 4, 3)
-    for k, time in enumerate(times):
-        np.testing.assert_allclose(found[:, :, k].mean(1), lidar.read(inflow, float(time), 0.0, 90.0), rtol=1e-10)
-    sheared = beam_readings(SteadyInflow(12.0, shear_exponent=0.2), lidar, times, 90.0)
-    assert (sheared[:, 0] > sheared[:, 2]).all()
-
-
 # ---------------------------------------------------------------- runs, files, tables
 
 
@@ -296,7 +231,7 @@ def made(**more):
         "task": TASK.name, "version": TASK.version, "definition": TASK.digest, "fingerprint": {"kernels": "a"},
         "made": {"date": "2026-01-02", "wt_gym": "0"}, "how": {"duration": 600.0}, "explained": {},
         "improvement": 0.18, "yardstick": "linear_optimal", "yardstick_improvement": 0.12,
-        "winds": {"a": {"improvement": 0.18}, "b": {"improvement": 0.18}}, "ladder": [],
+        "winds": {"a": {"improvement": 0.18}, "b": {"improvement": 0.18}},
     }  # fmt: skip
     return Ceiling(**(values | more))
 
@@ -358,8 +293,6 @@ def test_the_page_has_the_ceilings_as_they_are():
     there = {name: found for name, found in known.items() if found is not None}
     page = (Path(__file__).resolve().parents[2] / "docs" / "benchmark.md").read_text(encoding="utf-8")
     assert into_page(ceiling_table(there), page, "ceilings") == page
-    assert into_page(ladder_table(there), page, "ladder") == page
-    assert ladder_table({"y-v1": made()}) == "No ladder is recorded.\n"
 
 
 @pytest.mark.slow
@@ -370,8 +303,6 @@ def test_a_ceiling_is_learned_in_the_simulator(tmp_path):
     found = make_ceiling(task, tmp_path, options, progress=lines.append)
     (row,) = found.winds.values()
     assert row["passes"][1] > row["passes"][0] + 0.03
-    known = {rung["name"]: rung["improvement"] for rung in found.ladder}
-    assert known["the whole wind"] > known["feedback"] > 0.0
     files = sorted(tmp_path.rglob("*.*"))
     assert make_ceiling(task, tmp_path, options).winds == found.winds
     assert sorted(tmp_path.rglob("*.*")) == files

@@ -1,11 +1,10 @@
-"""The ceiling of a task of the benchmark: the score where the wind is known, and the value of information.
+"""The ceiling of a task of the benchmark: the score where the wind is known.
 
     python scripts/studies/ceiling.py --task load-reduction --winds 3
-    python scripts/studies/ceiling.py --task --page docs/benchmark.md      # the tables of all ceilings alone
+    python scripts/studies/ceiling.py --task --page docs/benchmark.md      # the table of all ceilings alone
 
-Writes wt_gym/experiment/benchmark_data/ceilings/NAME.json. `make_ceiling` identifies the plant in training winds,
-learns offsets in the winds of the task (`ceiling_oracle`) and forecasts what linear laws with more and more information
-reach (`ceiling_ladder`). Every run is stored.
+Writes wt_gym/experiment/benchmark_data/ceilings/NAME.json. `make_ceiling` identifies the plant in training winds
+and learns offsets in the winds of the task (`ceiling_oracle`). Every run is stored.
 """
 
 from __future__ import annotations
@@ -14,13 +13,12 @@ import datetime
 import json
 import sys
 from dataclasses import asdict, dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
-from ceiling_ladder import Rung, Seen, climb, known_wind, rungs_of, see
 from ceiling_oracle import OracleOptions, Played, best_of, learn_offsets
 from study_pages import markdown
 
@@ -43,23 +41,21 @@ from wt_gym.experiment.benchmark import (
     ResultFolder,
     entry_of,
     into_page,
-    make_env,
     play_task,
     run_jobs,
     task_fingerprint,
 )
 from wt_gym.experiment.benchmark_tasks import Ceiling, ceiling_file, ceiling_of
-from wt_gym.experiment.comparison import inflow_of
 from wt_gym.experiment.execute import SerialExecutor
 from wt_gym.experiment.names import BASELINE, RESIDUAL_INTERFACE
-from wt_gym.experiment.store import RunStore, described
+from wt_gym.experiment.store import described
 from wt_gym.learning.linear_design import identified_plant
 from wt_gym.learning.options import LinearDesignTask
 from wt_gym.learning.recording import LOADS, DrawnOffsets, Recording, RecordingStore, record
 from wt_gym.turbines import load_turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
@@ -96,12 +92,10 @@ class CeilingOptions(Options):
     duration: float | None = option("length of a run in them", default=None, unit="s", otherwise="the task's")
     base: str = option("base controller of the offsets", default="side_side_damper")
     seeds: tuple[int, ...] = option(
-        "training winds in which the plant is identified and the ladder is fitted; all are run with drawn offsets too",
-        default=(1, 2, 3),
-    )  # fmt: skip
+        "training winds in which the plant is identified, without and with drawn offsets", default=(1, 2, 3)
+    )
     recorded: float = option("length of these runs", default=300.0, unit="s")
     oracle: OracleOptions = option("how offsets are learned", default=OracleOptions(), kinds=(OracleOptions,))
-    ladder: bool = option("make the ladder of information", default=True)
 
 
 class OffsetsPlayer:
@@ -256,7 +250,7 @@ def make_ceiling(
     executor : Executor, optional
         Of `wt_gym.experiment.execute`, entered: does the runs, one wind after another by default.
     progress : callable
-        Called with a line after every recording, wind and rung.
+        Called with a line after every recording and wind.
 
     Raises
     ------
@@ -304,8 +298,6 @@ def make_ceiling(
         learned = ", ".join("broken" if value is None else f"{100 * value:+.2f}" for value in row["passes"])
         progress(f"{wind.label}: improvement by passes in %: {learned}; {task.yardstick} "
                  + ("–" if row["yardstick"] is None else f"{100 * row['yardstick']:+.2f}"))  # fmt: skip
-    still = {(speed, seed): recording for (speed, seed, drawn), recording in found.items() if not drawn}
-    ladder = _ladder(runs, still, plants, turbine, winds, fingerprint, progress) if options.ladder else []
     weights = [wind.weight for wind in winds]
     known = [rows[wind.label]["yardstick"] for wind in winds]
     return Ceiling(
@@ -320,54 +312,7 @@ def make_ceiling(
         yardstick=task.yardstick,
         yardstick_improvement=None if None in known else float(np.average(known, weights=weights)),
         winds={wind.label: rows[wind.label] for wind in winds},
-        ladder=ladder,
     )
-
-
-def _ladder(
-    runs: _Runs, still: dict[tuple[float, int], Recording], plants: dict[float, Plant], turbine: Turbine,
-    winds: Sequence[BenchmarkWind], fingerprint: dict[str, Any], progress: Callable[[str], None],
-) -> list[dict[str, Any]]:  # fmt: skip
-    """What linear laws with more and more information are forecast to reach in the winds of the task."""
-    options, store = runs.options.oracle, RunStore(runs.folder / "ladder")
-    weights = [sum(wind.weight for wind in winds if wind.speed == speed) for speed in plants]
-
-    @cache
-    def both(speed: float) -> tuple[list[Seen], list[Seen]]:
-        """Training winds, and those of the task, at a speed."""
-        seeds = [seed for own, seed in still if own == speed]
-        fitted = [see(still[speed, seed], turbine, inflow_of(turbine, Wind(speed, seed))) for seed in seeds]
-        tested = []
-        for wind in (wind for wind in winds if wind.speed == speed):
-            # the box of the turbulence is as long as the run
-            sampler = turbine_env_of(make_env(runs.task, wind)).wind
-            drawn = sampler.sample(np.random.default_rng(0), speed, wind.seed, 0.0, runs.task.duration)
-            tested.append(see(runs.offsets(wind, np.zeros((3, 0)))[1], turbine, drawn.inflow))
-        return fitted, tested
-
-    def climbed(rung: Rung | None) -> dict[str, float]:
-        """Mean over the speeds, each with the weight of its winds."""
-        rows = []
-        for speed, plant in plants.items():
-            fitted, tested = both(speed)
-            rows.append(
-                known_wind(tested, plant, turbine, options) if rung is None
-                else climb(rung, fitted, tested, plant, turbine, options)
-            )  # fmt: skip
-        return {key: float(np.average([row[key] for row in rows], weights=weights)) for key in rows[0]}
-
-    out = []
-    for rung in (*rungs_of(next(iter(plants.values())).dt), None):
-        name = "the whole wind" if rung is None else rung.name
-        definition = {
-            "rung": None if rung is None else asdict(rung), "winds": [wind.definition for wind in winds],
-            "duration": runs.task.duration, "fingerprint": fingerprint,
-            "options": described(asdict(runs.options)),
-        }  # fmt: skip
-        row = store.find(definition) or store.keep(definition, climbed(rung))
-        out.append({"name": name} | {key: value for key, value in row.items() if key != "definition"})
-        progress(f"{name}: forecast improvement over {runs.options.base} {100 * row['improvement']:+.2f} %")
-    return out
 
 
 def write_ceiling(ceiling: Ceiling, path: Path) -> Path:
@@ -404,20 +349,6 @@ def ceiling_table(ceilings: Mapping[str, Ceiling]) -> str:
     return markdown([*head, "pitch travel", "measured in"], rows) + "\n"
 
 
-def ladder_table(ceilings: Mapping[str, Ceiling]) -> str:
-    """Table of the ladders of those ceilings that have one, or a line where none has, ended by a line break."""
-    ladders = {
-        name: {row["name"]: f"{100 * row['improvement']:+.1f} %" for row in ceiling.ladder}
-        for name, ceiling in ceilings.items()
-        if ceiling.ladder
-    }
-    if not ladders:
-        return "No ladder is recorded.\n"
-    rungs = dict.fromkeys(rung for ladder in ladders.values() for rung in ladder)
-    rows = [[rung, *(ladder.get(rung, "–") for ladder in ladders.values())] for rung in rungs]
-    return markdown(["what is known", *(f"`{name}`" for name in ladders)], rows) + "\n"
-
-
 def main() -> None:
     """Make ceilings."""
     parser = OneLineParser(description=__doc__)
@@ -425,13 +356,12 @@ def main() -> None:
     parser.add_argument("--winds", type=int, default=3, metavar="N", help="of each speed (default: %(default)s)")
     parser.add_argument("--duration", type=float, metavar="S", help="of a run (default: the task's)")
     parser.add_argument("--passes", type=int, default=3, metavar="N", help="runs with offsets (default: %(default)s)")
-    parser.add_argument("--no-ladder", dest="ladder", action="store_false", help="without the ladder of information")
-    parser.add_argument("--page", type=file_ending_in(".md"), metavar="FILE", help="put the tables into this page")
+    parser.add_argument("--page", type=file_ending_in(".md"), metavar="FILE", help="put the table into this page")
     parser.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
     add_shared(parser, *WORKERS)
     arguments = parser.parse_args()
     oracle = OracleOptions(passes=arguments.passes)
-    options = CeilingOptions(winds=arguments.winds, duration=arguments.duration, oracle=oracle, ladder=arguments.ladder)
+    options = CeilingOptions(winds=arguments.winds, duration=arguments.duration, oracle=oracle)
     with user_errors(), stoppable("the same command resumes with the runs that are stored"):
         with executor_of(arguments) as executor:
             for task in chosen(arguments.task):
@@ -441,9 +371,7 @@ def main() -> None:
         if arguments.page is not None:
             ceilings = {task.id: ceiling for task in chosen(["all"]) if (ceiling := ceiling_of(task)) is not None}
             page = arguments.page.read_text(encoding="utf-8")
-            for part, text in (("ceilings", ceiling_table(ceilings)), ("ladder", ladder_table(ceilings))):
-                page = into_page(text, page, part)
-            write_text_whole(arguments.page, page)
+            write_text_whole(arguments.page, into_page(ceiling_table(ceilings), page, "ceilings"))
 
 
 if __name__ == "__main__":

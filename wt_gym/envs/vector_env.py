@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
@@ -21,6 +20,7 @@ from wt_gym.base.processes import one_blas_thread
 from wt_gym.envs.manual import describe
 from wt_gym.envs.options import EnvOptions, PlainSpec
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.simulation.compilation import usable_cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -100,7 +100,7 @@ class WindTurbineVectorEnv(PlainSpec, gym.vector.VectorEnv):
         self._over = np.ones(num_envs, dtype=np.bool_)  # episodes that have ended or not begun
         self._begun = False
         self._no_reward = np.zeros(first.reward_space.shape, np.float32) if hasattr(first, "reward_space") else 0.0
-        self._threads = min(threads or _processors(), num_envs)
+        self._threads = min(threads or usable_cores(), num_envs)
         self._pool = self._make_pool()
 
     def _make_pool(self) -> ThreadPoolExecutor | None:
@@ -340,8 +340,3 @@ def _autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
     allowed = ", ".join(f"{mode.value!r} ({mode.name!r})" for mode in AutoresetMode)
     near = did_you_mean(given, [mode.value for mode in AutoresetMode])
     raise ValueError(f"autoreset_mode must be one of {allowed}, got {shown(given)}{near}")
-
-
-def _processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

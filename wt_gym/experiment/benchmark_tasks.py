@@ -354,9 +354,6 @@ class Ceiling:
     """From the label of a wind to ``improvement``, ``passes`` (improvement of each run, the one without offsets
     first; None where a limit was broken), ``broken``, ``yardstick``, ``changes`` against the baseline and
     ``offsets_rms_deg``."""
-    ladder: list[dict[str, Any]]
-    """Rungs: ``name``, ``improvement`` over the base controller as the model forecasts it, and the changes of what
-    it is made of."""
 
     @property
     def score(self) -> float | None:

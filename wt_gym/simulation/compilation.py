@@ -63,7 +63,7 @@ def compile_once(
         if _under_way or coupling.was_compiled():
             return
         _announce(coupling, turbine)
-        if _cores() > 1 and get_executable() and not _is_worker():
+        if usable_cores() > 1 and get_executable() and not _is_worker():
             with_help(turbine, fidelity)
 
 
@@ -107,7 +107,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_restart)
 
 
-def _cores() -> int:
+def usable_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

@@ -1,9 +1,9 @@
-"""Contract of a simulator: `wt_gym.simulation.Simulator` or that of another code, and snapshots of a simulation."""
+"""Contract of a simulator: `wt_gym.simulation.Simulator` or that of another code; snapshots of a simulation."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
@@ -11,12 +11,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wt_gym.base.errors import SimulationError
-from wt_gym.simulation.channels import Signals
+from wt_gym.base.errors import ActionError, SimulationError
+from wt_gym.base.quantities import Array
+from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals
+from wt_gym.simulation.drivetrain.drives import Drives, check_finite
 from wt_gym.simulation.drivetrain.faults import DriveFault
 from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.turbines import Turbine
-from wt_gym.wind import Inflow
+from wt_gym.wind import Inflow, MirroredInflow
+from wt_gym.wind.files import is_described, wind_from
+from wt_gym.wind.inflow import require_cover
+
+WindChoice = Inflow | str | PathLike[str] | Mapping[str, Any]
+"""A wind, or what describes one."""
 
 
 class TurbineSimulator(Protocol):
@@ -114,6 +121,76 @@ class TurbineSimulator(Protocol):
 
 SimulatorMaker: TypeAlias = "Callable[[Turbine, Inflow, str | Fidelity], TurbineSimulator]"
 """Makes a simulator of a turbine in a wind at a fidelity."""
+
+
+class DrivenSimulator:
+    """Base of the simulators whose drives are those of this package."""
+
+    turbine: Turbine
+    mirrored: bool
+    drives: Drives
+    time_step: float
+    _n_steps: int
+    _faults: tuple[DriveFault, ...] = ()
+
+    @property
+    def inflow(self) -> Inflow:
+        """The undisturbed wind; it may be exchanged before a reset, also for the description of another one.
+
+        Raises
+        ------
+        InflowError
+            If a description is wrong, or the rotor reaches beyond the grid of a turbulence box.
+        """
+        return self._inflow
+
+    @inflow.setter
+    def inflow(self, inflow: WindChoice | None) -> None:
+        turbine = self.turbine
+        if is_described(inflow):
+            inflow = wind_from(inflow, turbine.hub_height, turbine.rotor_diameter)
+        if isinstance(inflow, str | PathLike | Mapping | None) or not callable(getattr(inflow, "velocity", None)):
+            raise SimulationError(
+                f"{type(self).__name__} needs an inflow with velocity(points, time), for example "
+                f"wt_gym.wind.SteadyInflow(8.0), got {inflow!r:.100}"
+            )
+        require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
+        self._inflow = inflow
+        self._felt = MirroredInflow.of(inflow) if self.mirrored else inflow  # by the image that is simulated
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._n_steps * self.time_step
+
+    @property
+    def faults(self) -> tuple[DriveFault, ...]:
+        """What fails, and when."""
+        return self._faults
+
+    @faults.setter
+    def faults(self, faults: Iterable[DriveFault]) -> None:
+        self._faults = ()
+        faults = tuple(faults)
+        self.drives.fail(faults, lambda: self.time)
+        self._faults = faults
+
+    def _checked_tower_top(self, tower_top: ArrayLike | None) -> Array | None:
+        """Displacement and rates of the tower top of the image that is simulated (4,)."""
+        if tower_top is None:
+            return None
+        tower_top = np.asarray(tower_top, dtype=float)
+        if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
+            raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
+        return tower_top * TOWER_TOP_PARITIES if self.mirrored else tower_top
+
+    def _steps_in(self, duration: float, **demands: float) -> int:
+        """Number of time steps in a duration [s], of which there must be a whole number; demands must be finite."""
+        check_finite(duration=duration, **demands)
+        n = round(duration / self.time_step)
+        if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
+            raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
+        return n
 
 
 def fingerprint(*parts: object) -> str:

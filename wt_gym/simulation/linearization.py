@@ -154,25 +154,6 @@ def linearize(  # noqa: PLR0913
     return _reflected_model(model, plant) if simulator.mirrored else model
 
 
-def trim(  # noqa: PLR0913
-    simulator: LinearizedSimulator,
-    rotor_speed: float,
-    pitch: ArrayLike = 0.0,
-    *,
-    wind_speed: float | None = None,
-    yaw: float = 0.0,
-    generator_torque: float | None = None,
-    azimuth: float = 0.0,
-    aerodynamics: str = "quasi_steady",
-    n_azimuths: int = 6,
-) -> SteadyPoint:
-    """The steady operating point alone; arguments as for :func:`linearize`."""
-    plant = FrozenPlant(simulator, _felt_inflow(simulator, wind_speed), aerodynamics, False)
-    yaw = -yaw if simulator.mirrored else yaw
-    point = trim_plant(plant, rotor_speed, pitch, yaw, generator_torque, azimuth, n_azimuths)[0]
-    return _reflected_point(point, plant) if simulator.mirrored else point
-
-
 def _felt_inflow(simulator: LinearizedSimulator, wind_speed: float | None) -> Inflow:
     """The steady wind of an operating point as the simulated image of the turbine feels it."""
     inflow = steady_inflow(simulator.inflow, wind_speed)
@@ -226,7 +207,7 @@ def steady_inflow(inflow: Inflow, wind_speed: float | None = None) -> SteadyInfl
 # ---- trim ------------------------------------------------------------------------------------------------------------
 
 
-def trim_plant(  # noqa: PLR0913
+def trim_plant(
     plant: FrozenPlant,
     rotor_speed: float,
     pitch: ArrayLike,
@@ -234,8 +215,6 @@ def trim_plant(  # noqa: PLR0913
     generator_torque: float | None,
     azimuth: float,
     n_azimuths: int,
-    passes: int = 8,
-    tolerance: float = 1e-4,
 ) -> tuple[SteadyPoint, list[Wake | None]]:
     """Steady point and the wake at each of its azimuths; see :func:`linearize` for the arguments."""
     if not (np.isfinite(rotor_speed) and rotor_speed >= 0.0):
@@ -266,7 +245,7 @@ def trim_plant(  # noqa: PLR0913
 
     reach = np.max([np.abs(s[0]) * plant.reach[plant.elastic, None] for s in shapes], axis=(0, 1))
     step = MOTION_STEP / reach
-    for _ in range(passes if plant.with_air else 1):
+    for _ in range(8 if plant.with_air else 1):
         wakes = [plant.new_wake(y, rotor_speed) for y in states(unknown)]
         before = unknown.copy()
         jacobian = None
@@ -282,7 +261,7 @@ def trim_plant(  # noqa: PLR0913
                 break
         else:
             raise SimulationError("no steady operating point was found: Newton's iteration did not converge")
-        if (np.abs(unknown - before) * reach).max() < tolerance:
+        if (np.abs(unknown - before) * reach).max() < 1e-4:
             break
     ys = states(unknown)
     left = np.abs(residual(unknown)) * reach

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from functools import partial
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +17,7 @@ from wt_gym.multibody.system import check_state
 from wt_gym.multibody.tree.point_kernels import point_motion
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities, reflected_loads, reflected_shapes
 from wt_gym.simulation.compilation import announce_compilation, compile_ahead, compile_once
-from wt_gym.simulation.contract import SimulatorState, fingerprint
+from wt_gym.simulation.contract import DrivenSimulator, SimulatorState, WindChoice, fingerprint
 from wt_gym.simulation.drivetrain.drives import Drives, GeneratorLaw, check_damper_step, check_finite
 from wt_gym.simulation.drivetrain.faults import DriveFault
 from wt_gym.simulation.fidelity import Fidelity, choose_fidelity
@@ -30,19 +28,15 @@ from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.coupling_data import Measurement
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.variants import clockwise_image, with_generator
-from wt_gym.wind import Inflow, MirroredInflow
-from wt_gym.wind.files import is_described, wind_from
-from wt_gym.wind.inflow import require_cover
+from wt_gym.wind import Inflow
 
 if TYPE_CHECKING:
     from wt_gym.simulation.linear_model import LinearModel, RotorPoint
 
-WindChoice = Inflow | str | PathLike[str] | Mapping[str, Any]
-"""A wind, or what describes one."""
 _Arguments = tuple[Turbine, Inflow, Fidelity, int, GeneratorLaw]
 
 
-class Simulator:
+class Simulator(DrivenSimulator):
     """A wind turbine in the wind.
 
     Parameters
@@ -91,8 +85,6 @@ class Simulator:
         threads: int = 1,
         generator: str | GeneratorLaw | None = None,
     ) -> None:
-        if inflow is None:
-            raise SimulationError("Simulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
         turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
         choice = choose_fidelity(turbine, fidelity)
         self.turbine, law = with_generator(turbine, generator)
@@ -109,30 +101,7 @@ class Simulator:
         self._measurement = Measurement(image, self.structure, self.coupling.gauges)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
         self._n_steps, self._started = 0, False
-        self._faults: tuple[DriveFault, ...] = ()
         self._compiled = False
-
-    @property
-    def inflow(self) -> Inflow:
-        """The undisturbed wind; it may be exchanged, also for the description of another one.
-
-        Raises
-        ------
-        InflowError
-            If a description is wrong, or the rotor reaches beyond the grid of a turbulence box.
-        """
-        return self._inflow
-
-    @inflow.setter
-    def inflow(self, inflow: WindChoice) -> None:
-        turbine = self.turbine
-        if is_described(inflow):
-            inflow = wind_from(inflow, turbine.hub_height, turbine.rotor_diameter)
-        if isinstance(inflow, str | PathLike | Mapping) or not callable(getattr(inflow, "velocity", None)):
-            raise SimulationError(f"Simulator needs an inflow with velocity(points, time), got {inflow!r:.100}")
-        require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
-        self._inflow = inflow
-        self._felt = MirroredInflow.of(inflow) if self.mirrored else inflow  # by the image that is simulated
 
     def __getstate__(self) -> tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None]:
         """What a copy or a pickle takes along: the arguments and the state; the rest is rebuilt from them."""
@@ -146,22 +115,6 @@ class Simulator:
         self.faults = faults
         if state is not None:
             self.restore(state)
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self._n_steps * self.time_step
-
-    @property
-    def faults(self) -> tuple[DriveFault, ...]:
-        """What fails, and when."""
-        return self._faults
-
-    @faults.setter
-    def faults(self, faults: Iterable[DriveFault]) -> None:
-        self._faults = ()
-        self.drives.fail(faults, lambda: self.time)
-        self._faults = tuple(faults)
 
     @property
     def signals(self) -> Signals:
@@ -217,11 +170,7 @@ class Simulator:
         check_finite(rotor_speed=rotor_speed, azimuth=azimuth, yaw=yaw)
         if not 0.0 <= rotor_speed < limit:
             raise ActionError(f"rotor_speed is {rotor_speed} rad/s; must be 0 … {limit:.3f} rad/s")
-        if tower_top is not None:
-            tower_top = np.asarray(tower_top, dtype=float)
-            if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
-                raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
-            tower_top = tower_top * TOWER_TOP_PARITIES if self.mirrored else tower_top
+        tower_top = self._checked_tower_top(tower_top)
         if motion is not None:
             motion = np.asarray(motion, dtype=float)
             size = self.structure.n_motion
@@ -285,10 +234,7 @@ class Simulator:
         self._require_start()
         drives, coupling = self.drives, self.coupling
         pitch = drives.pitch.vector(pitch)
-        check_finite(duration=duration, yaw_rate=yaw_rate, generator_torque=generator_torque)
-        n = round(duration / self.time_step)
-        if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
-            raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
+        n = self._steps_in(duration, yaw_rate=yaw_rate, generator_torque=generator_torque)
         if not accumulate:
             coupling.extremes.restart()
         inputs, azimuth_u, step = coupling.integrator.inputs, self._azimuth_u, self.time_step

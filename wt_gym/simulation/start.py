@@ -24,7 +24,7 @@ SMALLEST_SHARE = 1.0 / 256.0
 """Of a step of Newton's method, below which there is no balance."""
 
 
-def elastic_equilibrium(  # noqa: PLR0913
+def elastic_equilibrium(
     system: MultibodySystem,
     y: Array,
     inputs: Inputs,
@@ -32,8 +32,6 @@ def elastic_equilibrium(  # noqa: PLR0913
     azimuth_q: int,
     azimuth_u: int,
     of_forces: bool = False,
-    iterations: int = 40,
-    tolerance: float = 1e-9,
     accelerations: float | Array = 0.0,
 ) -> None:
     """Newton's method for elastic coordinates that do not accelerate, or as told; the rotor's own acceleration is free.
@@ -78,8 +76,8 @@ def elastic_equilibrium(  # noqa: PLR0913
 
     following: Array | None
     (jacobian, change), fresh = _newton_step(residual, y, q), True
-    for _ in range(iterations):
-        if np.abs(change).max() < tolerance * max(1.0, np.abs(y[q]).max()):
+    for _ in range(40):
+        if np.abs(change).max() < 1e-9 * max(1.0, np.abs(y[q]).max()):
             y[q] += change
             return
         following = _shortened_step(residual, y, q, change, jacobian, SMALLEST_SHARE if fresh else 1.0)

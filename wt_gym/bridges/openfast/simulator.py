@@ -19,25 +19,19 @@ from wt_gym.bridges.openfast.model import steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.process import OpenFASTProcess, find_library, relay_library
 from wt_gym.bridges.openfast.run_folder import BentTurbine, RunTimes, ServedController, prepare_run
 from wt_gym.bridges.openfast.wind import repeats
-from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities
+from wt_gym.simulation.channels import Signals, parities
+from wt_gym.simulation.contract import DrivenSimulator
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
 from wt_gym.simulation.fidelity import choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import clockwise_image, with_generator
-from wt_gym.wind import MirroredInflow
-from wt_gym.wind.files import is_described, wind_from
-from wt_gym.wind.inflow import require_cover
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from numpy.typing import ArrayLike
 
     from wt_gym.simulation import Fidelity
-    from wt_gym.simulation.drivetrain.faults import DriveFault
-    from wt_gym.simulation.simulator import WindChoice
     from wt_gym.turbines import PitchSystem
     from wt_gym.wind import Inflow
 
@@ -48,7 +42,7 @@ OPTIONS = ("openfast_library", "model", "commands", "duration", "step", "changes
 """Arguments of `OpenFASTSimulator` that `Simulator` does not have."""
 
 
-class OpenFASTSimulator:
+class OpenFASTSimulator(DrivenSimulator):
     """A wind turbine in the wind, simulated by OpenFAST.
 
     It takes and gives what `wt_gym.simulation.Simulator` does: the same demands through the same drives, and the same
@@ -131,8 +125,6 @@ class OpenFASTSimulator:
     ):
         self._process: OpenFASTProcess | None = None
         self._temporary: TemporaryDirectory[str] | None = None
-        if inflow is None:
-            raise SimulationError("OpenFASTSimulator needs an inflow, for example wt_gym.wind.SteadyInflow(8.0)")
         if commands not in COMMANDS:
             raise SimulationError(f"commands must be one of {', '.join(map(repr, COMMANDS))}; got {commands!r}")
         check_finite(duration=duration)
@@ -166,7 +158,6 @@ class OpenFASTSimulator:
         self._bent = BentTurbine(self._image)
         self._measurement: Measurement | None = None
         self._n_steps = 0
-        self._faults: tuple[DriveFault, ...] = ()
 
     def _longest_step(self, step: float | None, own_model: bool) -> float:
         """Longest step that OpenFAST may take [s]."""
@@ -178,38 +169,6 @@ class OpenFASTSimulator:
         if own_model:
             return InputFile(self.model).number("DT")
         return time_step_of(self._image)
-
-    @property
-    def inflow(self) -> Inflow:
-        """The undisturbed wind; it may be exchanged before a reset, also for the description of another one."""
-        return self._inflow
-
-    @inflow.setter
-    def inflow(self, inflow: WindChoice) -> None:
-        turbine = self.turbine
-        if is_described(inflow):
-            inflow = wind_from(inflow, turbine.hub_height, turbine.rotor_diameter)
-        if isinstance(inflow, str | PathLike | Mapping) or not callable(getattr(inflow, "velocity", None)):
-            raise SimulationError(f"OpenFASTSimulator needs an inflow with velocity(points, time), got {inflow!r:.100}")
-        require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
-        self._inflow = inflow
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self._n_steps * self.time_step
-
-    @property
-    def faults(self) -> tuple[DriveFault, ...]:
-        """What fails, and when."""
-        return self._faults
-
-    @faults.setter
-    def faults(self, faults: Iterable[DriveFault]) -> None:
-        self._faults = ()
-        faults = tuple(faults)
-        self.drives.fail(faults, lambda: self.time)
-        self._faults = faults
 
     @property
     def signals(self) -> Signals:
@@ -246,22 +205,17 @@ class OpenFASTSimulator:
         check_finite(rotor_speed=rotor_speed, azimuth=azimuth, yaw=yaw)
         if rotor_speed < 0.0:
             raise ActionError(f"rotor_speed must be 0 rad/s or more, got {rotor_speed}")
-        if tower_top is not None:
-            tower_top = np.asarray(tower_top, dtype=float)
-            if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
-                raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
-            tower_top = tower_top * TOWER_TOP_PARITIES if self.mirrored else tower_top
+        tower_top = self._checked_tower_top(tower_top)
         self._stop()
         yaw = -yaw if self.mirrored else yaw
         self.drives.start(pitch, yaw, rotor_speed, generator_torque)
         command = self.drives.command
         angles = command[PITCH].copy()
-        displaced = None if tower_top is None else np.asarray(tower_top, dtype=np.float64)[:2]
+        displaced = None if tower_top is None else tower_top[:2]
         start = self._bent.start(self.inflow, rotor_speed, angles, azimuth, yaw, displaced)
-        felt = MirroredInflow.of(self.inflow) if self.mirrored else self.inflow
         try:
             primary = prepare_run(
-                self.model, self._folder, self._image, felt, start, RunTimes(self.openfast_step, self._duration),
+                self.model, self._folder, self._image, self._felt, start, RunTimes(self.openfast_step, self._duration),
                 None if self._relay is None else ServedController(str(self._relay), self._relay.name), self._changes,
             )  # fmt: skip
             demands = self._demands(angles[None, :], command[TORQUE], yaw, 0.0)
@@ -273,7 +227,7 @@ class OpenFASTSimulator:
             raise SimulationError(f"OpenFAST takes steps of {process.step} s; {self.openfast_step} s were asked for")
         self._process, self._measurement = process, measurement
         self._path.start(angles)
-        self._lasts = math.inf if repeats(felt) else self._duration
+        self._lasts = math.inf if repeats(self._felt) else self._duration
         self._n_steps = 0
         if generator_torque is None:
             self.drives.load(measurement.aero_torque(process.outputs), rotor_speed)
@@ -299,10 +253,7 @@ class OpenFASTSimulator:
         process, measurement = self._running()
         drives = self.drives
         pitch = drives.pitch.vector(pitch)
-        check_finite(duration=duration, yaw_rate=yaw_rate, generator_torque=generator_torque)
-        n = round(duration / self.time_step)
-        if n < 1 or abs(n * self.time_step - duration) > 1e-6 * self.time_step:
-            raise ActionError(f"duration {duration} s is not a whole number of time steps of {self.time_step} s")
+        n = self._steps_in(duration, yaw_rate=yaw_rate, generator_torque=generator_torque)
         if self.time + duration > self._lasts + 1e-6:
             raise SimulationError(
                 f"the wind was written for {self._lasts:g} s, and {self.time + duration:g} s are asked for: make the "

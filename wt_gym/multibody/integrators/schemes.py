@@ -337,11 +337,6 @@ class ImplicitIntegrator(Integrator):
             raise MultibodyError(FAILURES[code])
         return rate
 
-    @property
-    def n_evaluations(self) -> int:
-        """Right-hand sides evaluated since the start."""
-        return int(self.history.counters[implicit_kernels.EVALUATIONS])
-
     def advance(self, n_steps: int = 1) -> None:
         """Take n_steps with the inputs running linearly from ``inputs[…][0]`` to ``inputs[…][1]``.
 

@@ -147,7 +147,7 @@ def predicted_growth(phase: float, n_steps: int, passes: int, air_passes: int) -
 
 
 def system_eigenvalues(
-    system: MultibodySystem, y: Array, inputs: Inputs | None = None, work: Work | None = None, step: float = 1e-6
+    system: MultibodySystem, y: Array, inputs: Inputs | None = None, work: Work | None = None
 ) -> Complex:
     """Eigenvalues [1/s] of small motions about a state, servos included.
 
@@ -157,14 +157,12 @@ def system_eigenvalues(
     ----------
     y : array (n_state,)
     inputs, work : arrays of the system, optional
-    step : float
-        Size of the differences, in positions and (times the largest rate) in velocities.
 
     Returns
     -------
     array (2 n_u + 2 n_servo,), complex
     """
-    n_q, n_u = system.n_q, system.n_u
+    n_q, n_u, step = system.n_q, system.n_u, 1e-6  # of the differences
     accelerations = slice(n_q, n_q + n_u)
     inputs, work = inputs or system.new_inputs(), work or system.new_work()
     matrix = np.zeros((2 * n_u, 2 * n_u))
