@@ -17,7 +17,7 @@ from pathlib import Path
 
 import gymnasium as gym
 import pytest
-import readme_table
+import transfer
 from study_pages import filled
 
 import wt_gym
@@ -329,7 +329,7 @@ def messages_of_refusals():
 @statement
 def table_of_the_readme():
     text = text_of("README.md")
-    return text, filled(text, {"crosscheck": readme_table.table})
+    return text, filled(text, {"transfer": transfer.table})
 
 
 def test_nothing_imports_ray_that_does_not_ask_for_it():

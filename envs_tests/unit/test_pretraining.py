@@ -348,11 +348,11 @@ class Here:
         return ((job, work(job)) for job in jobs)
 
 
-def work_of(progress=lambda _: None, recordings=None, **options):
+def work_of(progress=lambda _: None, recordings=None, limits=None, **options):
     """Recordings and identification of a pretraining at one wind speed."""
     few = {"episodes": 6, "held_out": 3, "duration": 60.0, "memory": 5.0, "plant_speeds": 1, "excited": 2}
     execution = pretraining.Execution(Here(), progress, recordings=recordings)
-    arguments = ARGUMENTS | {"wind_speed": (15.0, 17.0)}
+    arguments = ARGUMENTS | {"wind_speed": (15.0, 17.0)} | ({"cost_limits": limits} if limits else {})
     return pretraining._Work(
         "wt_gym/LoadReduction-v3", arguments, PretrainingOptions.from_dict(few | options), execution
     )
@@ -415,14 +415,14 @@ def test_a_pretraining_that_is_stopped_keeps_its_recordings(tmp_path, monkeypatc
 
 
 def test_episodes_that_are_recorded_are_not_recorded_again(tmp_path, monkeypatch):
-    """Whatever the policy; another policy has other episodes."""
+    """Whatever the budget; another policy has other episodes."""
     recorded, lines = [], []
     monkeypatch.setattr(
         pretraining_episodes, "record_episode", lambda job: recorded.append(job) or drawn(job, len(recorded))
     )
 
-    def run(factor):
-        work = work_of(lines.append, tmp_path)
+    def run(factor, limits=None):
+        work = work_of(lines.append, tmp_path, limits)
         plants = work.identified()[0][0].plants
         work.recorded(PlayedActions(np.full((3, 3), factor)), 1)
         return plants.responses
@@ -431,7 +431,7 @@ def test_episodes_that_are_recorded_are_not_recorded_again(tmp_path, monkeypatch
     assert len(recorded) == 12
     assert lines[0] == "baseline runs: 0/2 recorded, 60 s each"
     lines.clear()
-    np.testing.assert_array_equal(run(0.0), first)
+    np.testing.assert_array_equal(run(0.0, {"pitch_travel": 3000.0}), first)
     assert len(recorded) == 12
     assert lines[0] == "baseline runs: 2/2 recorded, 60 s each"
     run(1.0)

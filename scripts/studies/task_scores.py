@@ -68,7 +68,7 @@ RECORD = DATA / "task_scores.json"
 RANDOM = "random"
 """Word for even draws of the actions."""
 _TRAINED = "agents/trained/"
-_BEST = f"{_TRAINED}load_reduction_on_linear_optimal"
+_BASE = "discon+side_side_damper+observer"
 _DASH = "–"
 _NOT_IN_NAMES = re.compile(r"[^\w.+=-]+")
 
@@ -152,13 +152,14 @@ _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP,
 STUDIES: dict[str, Study] = {
     "LoadReduction": Study(
         "LoadReduction",
-        ("discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "tuned_lidar", "linear_optimal", _BEST),
+        (_BASE, "discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "tuned_lidar", "linear_optimal",
+         f"{_TRAINED}load_reduction"),
         (Part(_winds((12.0, 16.0, 20.0), 2)),),
         _LOADS,
     ),
     "FullRange": Study(
         "FullRange",
-        ("discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
+        (_BASE, "discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
          "retuned+linear_optimal", f"{_TRAINED}full_range"),
         (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2), arguments=STEADY),),
         (_ENERGY, *_LIFE, _TRAVEL),
@@ -188,7 +189,7 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA15MW-LoadReduction": Study(
         "IEA15MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "tsr_tracking", "linear_optimal", f"{_TRAINED}iea15mw"),
+        (_BASE, "discon", RANDOM, "ipc", "tsr_tracking", "linear_optimal", f"{_TRAINED}iea15mw"),
         (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
         _LOADS,
     ),
@@ -200,7 +201,7 @@ STUDIES: dict[str, Study] = {
     ),
     "IEA22MW-LoadReduction": Study(
         "IEA22MW-LoadReduction",
-        ("discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea22mw"),
+        (_BASE, "discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea22mw"),
         (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
         _LOADS,
         duration=180.0,
@@ -229,7 +230,8 @@ STUDIES: dict[str, Study] = {
     ),
     "PowerTracking": Study(
         "PowerTracking",
-        ("discon+derate_kinetic", RANDOM, "discon+derate_torque", "discon+derate_speed", "discon+derate_pitch",
+        ("discon+derate_kinetic+side_side_damper+observer", "discon+derate_kinetic", RANDOM, "discon+derate_torque",
+         "discon+derate_speed", "discon+derate_pitch",
          "ipc+derate_kinetic", "linear_optimal+derate_kinetic", f"{_TRAINED}power_tracking"),
         (Part(_winds((13.0, 16.0), 2), arguments=STEADY),),
         (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
@@ -239,14 +241,15 @@ STUDIES: dict[str, Study] = {
     ),
     "Dial": Study(
         "Dial",
-        ("discon", RANDOM, "linear_optimal", f"{_TRAINED}dial_on_linear_optimal"),
+        (_BASE, "discon", RANDOM, "linear_optimal", f"{_TRAINED}dial"),
         (Part(_winds((14.0, 18.0), 2), arguments=STEADY),),
         _LOADS,
         duration=90.0,
     ),
     "Faults": Study(
         "Faults",
-        ("discon+yaw", RANDOM, "ipc+yaw", "ipc+yaw+fault_supervisor", "linear_optimal+yaw+fault_supervisor",
+        (f"{_BASE}+yaw", "discon+yaw", RANDOM, "ipc+yaw", "ipc+yaw+fault_supervisor",
+         "linear_optimal+yaw+fault_supervisor",
          f"{_TRAINED}faults"),
         tuple(Part(_winds(((14.0, 18.0)[k % 2],), 1), kind,
                    STEADY | {"fault_kinds": kind, "fault_time": 20.0})

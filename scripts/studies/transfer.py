@@ -1,0 +1,116 @@
+"""What the shipped agent of LoadReduction gains, here and in OpenFAST: the tables of README.md and docs/crosscheck.md.
+
+    python scripts/studies/transfer.py                     # the tables
+    python scripts/studies/transfer.py runs/crosscheck_linear   # from a folder of wt-gym crosscheck, with the record
+
+Writes docs/data/transfer.json. Costs are improvements of the cost of energy over the published controller in the same
+wind and simulator; an agent's gain over the linear optimal controller is the difference of both improvements.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from scipy.stats import t
+from study_pages import DATA, ROOT, markdown, read_json, renew, signed, with_runs
+
+from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
+from wt_gym.base.files import write_text_whole
+from wt_gym.experiment.run import benchmark_metrics
+from wt_gym.experiment.tuning import Cost
+from wt_gym.turbines import load_turbine
+
+RECORD = DATA / "transfer.json"
+CODES = ("wt_gym", "openfast")
+PUBLISHED, LINEAR, AGENT = "discon", "linear_optimal", "load_reduction"
+TURBINE, SKIP = "nrel_5mw", 60.0
+_METRICS = (*LIFETIME_COST_WEIGHTS, "pitch_travel")
+_SHOWN = {"blade_flap_del": "flap", "blade_edge_del": "edge", "tower_fore_aft_del": "fore-aft",
+          "tower_side_side_del": "side-side", "pitch_travel": "pitch travel"}  # fmt: skip
+
+
+def record(folder):
+    """Metrics of all runs of a crosscheck."""
+    turbine, runs = load_turbine(TURBINE), []
+    for code in CODES:
+        for file in sorted((folder / code / "runs").glob("*.nc")):
+            with xr.open_dataset(file) as data:
+                data.load()
+            metrics = benchmark_metrics(data, turbine, SKIP)
+            runs.append({
+                "simulator": code, "agent": data.attrs["agent"], "speed": float(data.attrs["wind_speed"]),
+                "seed": int(data.attrs["wind_seed"]),
+                "metrics": {name: float(f"{metrics[name]:.6g}") for name in _METRICS},
+            })  # fmt: skip
+    return {"turbine": TURBINE, "skip": SKIP, "runs": runs}
+
+
+def gains(content):
+    """By simulator, speed and agent: improvement of the cost (n_winds,), and changes of the loads by metric (n_winds,).
+
+    Changes of the agent are against the linear optimal controller, those of the latter against the published one.
+    """
+    turbine, cost = load_turbine(content["turbine"]), Cost()
+    found = {(run["simulator"], run["agent"], run["speed"], run["seed"]): run["metrics"] for run in content["runs"]}
+    out = {}
+    for code, agent, speed in sorted({key[:3] for key in found}):
+        if agent == PUBLISHED:
+            continue
+        seeds = sorted(key[3] for key in found if key[:3] == (code, agent, speed))
+        below = LINEAR if agent == AGENT else PUBLISHED
+        mine, base, first = (
+            [found[code, name, speed, seed] for seed in seeds] for name in (agent, below, PUBLISHED)
+        )  # fmt: skip
+        improved = np.array([-cost.of(one, other, turbine) for one, other in zip(mine, first, strict=True)])
+        changes = {
+            name: np.array([one[name] / other[name] - 1.0 for one, other in zip(mine, base, strict=True)])
+            for name in _SHOWN
+        }
+        out[code, speed, agent] = improved, changes
+    return out
+
+
+def _interval(values):
+    """Mean and 95 % interval [%]."""
+    half = t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / len(values) ** 0.5
+    return f"{signed(100 * values.mean(), 1)} ± {signed(100 * half, 1, plus=False)} %"
+
+
+def table(_):
+    """Improvement of the cost over both controllers in both simulators, a row a wind speed."""
+    found = gains(read_json(RECORD))
+    speeds = sorted({speed for _, speed, _ in found})
+    rows = []
+    for speed in speeds:
+        cells = [f"{speed:g} m/s"]
+        for code in CODES:
+            own, linear = (found[code, speed, agent][0] for agent in (AGENT, LINEAR))
+            cells += [f"{signed(100 * own.mean(), 1)} %", _interval(own - linear)]
+        rows.append(cells)
+    n = len(found[CODES[0], speeds[0], AGENT][0])
+    heads = [f"{code}, over `{name}`" for code in ("wt_gym", "OpenFAST") for name in (PUBLISHED, LINEAR)]
+    return (
+        f"{markdown(['mean wind', *heads], rows)}\n\n{n} winds a speed, with 95 % intervals of the paired differences."
+    )
+
+
+def loads(_):
+    """Changes of loads and travel by the agent over the linear optimal controller, wt_gym / OpenFAST."""
+    found = gains(read_json(RECORD))
+    rows = []
+    for speed in sorted({speed for _, speed, _ in found}):
+        both = [found[code, speed, AGENT][1] for code in CODES]
+        means = [" / ".join(signed(100 * one[name].mean(), 1) for one in both) + " %" for name in _SHOWN]
+        worst = " / ".join(signed(100 * one["blade_edge_del"].max(), 1) for one in both) + " %"
+        rows.append([f"{speed:g} m/s", *means, worst])
+    return markdown(
+        ["wind", *(f"{name} DEL" for name in list(_SHOWN.values())[:4]), "pitch travel", "worst edge"], rows
+    )
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        write_text_whole(RECORD, with_runs(record(Path(sys.argv[1]))) + "\n")
+    renew(ROOT / "README.md", {"transfer": table})
+    renew(ROOT / "docs" / "crosscheck.md", {"transfer": table, "loads": loads})
