@@ -38,7 +38,7 @@ def beyond_pi():
          f"energy {_change(storm, hard, STORM_CONTROLLER, 'corrected_power')} from standstill to storm, "
          f"flap DEL {_change(storm, hard, STORM_CONTROLLER, 'blade_flap_del')}"),
         ("change what counts in operation", "dial", "has one compromise, fixed by its gains",
-         "`dial_on_linear_optimal`, trained", _dial()),
+         "`dial`, trained", _dial()),
         ("keep its gain with a broken part", "faults", "trusts its readings and drives",
          "`linear_optimal+fault_supervisor`", _faults()),
     ]  # fmt: skip

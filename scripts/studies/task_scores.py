@@ -239,7 +239,7 @@ STUDIES: dict[str, Study] = {
     ),
     "Dial": Study(
         "Dial",
-        ("discon", RANDOM, "linear_optimal", f"{_TRAINED}dial_on_linear_optimal"),
+        ("discon", RANDOM, "linear_optimal", f"{_TRAINED}dial"),
         (Part(_winds((14.0, 18.0), 2), arguments=STEADY),),
         _LOADS,
         duration=90.0,
