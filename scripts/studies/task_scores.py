@@ -68,7 +68,7 @@ RECORD = DATA / "task_scores.json"
 RANDOM = "random"
 """Word for even draws of the actions."""
 _TRAINED = "agents/trained/"
-_BEST = f"{_TRAINED}load_reduction_on_linear_optimal"
+_BEST = f"{_TRAINED}load_reduction"
 _DASH = "–"
 _NOT_IN_NAMES = re.compile(r"[^\w.+=-]+")
 
