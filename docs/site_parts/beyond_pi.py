@@ -19,7 +19,7 @@ _KEPT = 0.8
 def beyond_pi():
     """Table, Markdown: a need a row, with changes and their 95 % intervals over the winds."""
     scores = read_json(DATA / "task_scores.json")
-    agent = "agents/trained/load_reduction_on_linear_optimal"
+    agent = "agents/trained/load_reduction"
     mode = min(_ROSCO_MODES, key=lambda name: np.mean(_values(scores["PowerTracking"], name, "tracking_rms")))
     store = "ipc+derate_kinetic"
     gust = _best(scores["Gusts"], "discon", "blade_flap_max")
@@ -27,7 +27,7 @@ def beyond_pi():
     hard = next(run["agent"] for run in storm["runs"] if run["agent"].startswith(f"{_SUPERVISED},"))
     rows = [
         ("spare the blades at the same power", "load_reduction", "has one pitch angle for all blades",
-         "`load_reduction_on_linear_optimal`, trained",
+         "`load_reduction`, trained",
          f"flap DEL {_change(scores['LoadReduction'], 'discon', agent, 'blade_flap_del')}"),
         ("meet a gust with less load", "gusts", "reacts to the rotor speed alone", f"`{gust}`",
          f"largest flap moment {_change(scores['Gusts'], 'discon', gust, 'blade_flap_max')}"),
@@ -38,7 +38,7 @@ def beyond_pi():
          f"energy {_change(storm, hard, STORM_CONTROLLER, 'corrected_power')} from standstill to storm, "
          f"flap DEL {_change(storm, hard, STORM_CONTROLLER, 'blade_flap_del')}"),
         ("change what counts in operation", "dial", "has one compromise, fixed by its gains",
-         "`dial_on_linear_optimal`, trained", _dial()),
+         "`dial`, trained", _dial()),
         ("keep its gain with a broken part", "faults", "trusts its readings and drives",
          "`linear_optimal+fault_supervisor`", _faults()),
     ]  # fmt: skip

@@ -121,7 +121,7 @@ def test_a_relative_reward_needs_one_record_for_all_dials(tmp_path, monkeypatch)
     reward_store._courses.clear()
 
 
-SHIPPED = shipped_folder() / "trained" / "dial_on_linear_optimal"
+SHIPPED = shipped_folder() / "trained" / "dial"
 
 
 def test_pitch_does_not_jump_where_the_dial_does():

@@ -27,8 +27,8 @@ KWARGS = {"turbine": "nrel_5mw", "inflow": "steady", "wind_speed": 15.0, "action
 
 def test_a_shipped_agent_acts_alike_in_an_episode(tmp_path):
     """Actions of the file for the physical values of the channels against those of the agent in its environment."""
-    agent = TrainedAgent.load(TRAINED / "load_reduction_on_linear_optimal")
-    made = export_onnx(str(TRAINED / "load_reduction_on_linear_optimal"), tmp_path)
+    agent = TrainedAgent.load(TRAINED / "load_reduction")
+    made = export_onnx(str(TRAINED / "load_reduction"), tmp_path)
     session = onnxruntime.InferenceSession(made["files"][0])
     env = training_environment(agent, {})
     layout = env.layout
@@ -92,7 +92,7 @@ def test_statistics_of_the_training_are_inside():
 
 
 def test_the_card_says_what_the_agent_is_made_for(tmp_path, capsys):
-    run_command("export", [str(TRAINED / "load_reduction_on_linear_optimal"), "--out", str(tmp_path), "--json"])
+    run_command("export", [str(TRAINED / "load_reduction"), "--out", str(tmp_path), "--json"])
     printed = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert {Path(file).name for file in printed["files"]} == {"policy.onnx", "card.json", "README.md"}
     card = json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))

@@ -336,9 +336,7 @@ def test_a_library_damps_the_tower_of_a_nacelle_that_heads_elsewhere(tmp_path, m
 
 
 @pytest.mark.parametrize("duration", [20.0, pytest.param(600.0, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "name", ["constrained_ipc+tower_dampers", "load_reduction_on_linear_optimal", "load reduction"]
-)
+@pytest.mark.parametrize("name", ["constrained_ipc+tower_dampers", "load_reduction", "load reduction"])
 def test_closed_loops_with_the_library_and_with_python_are_alike(name, duration, tmp_path):
     """The library reads single precision: its loop is another one after rounding, and stays beside Python's."""
     wind = WIND | {"episode_length": None, "pitch": "fixed-frame", "action_components": ["pitch"]}

@@ -39,7 +39,7 @@ def metrics(**changes):
 @pytest.mark.parametrize(
     ("choice", "env_id", "arguments", "base"),
     [
-        ("agents/trained/load_reduction_on_linear_optimal", TASK, {}, "linear_optimal"), ("ipc", TASK, {}, None),
+        ("agents/trained/load_reduction", TASK, {}, "linear_optimal"), ("ipc", TASK, {}, None),
         ("zero", TASK, {"controller": "ipc"}, "ipc"), ("zero", "wt_gym/NREL5MW-Turbulent-v1", {}, None),
     ],
 )  # fmt: skip

@@ -290,7 +290,7 @@ def test_agents_of_the_user_are_served_and_wrong_set_points_refused(own):
     with pytest.raises(ControllerError, match="offsets on ROSCO's own demands; the controller ipc"):
         answers_of("ipc")
     with pytest.raises(ControllerError, match=r"must see what ROSCO sends, got disturbance_flap_mean_1.*export it"):
-        answers_of("agents/trained/load_reduction_on_linear_optimal")
+        answers_of("agents/trained/load_reduction")
 
 
 def test_the_command_serves_until_the_last_call(capsys, tmp_path):

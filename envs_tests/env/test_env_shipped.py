@@ -51,18 +51,11 @@ def improvement(metrics, base):
 
 @pytest.mark.parametrize("folder", list(of_the_pitch()))
 def test_an_agent_of_the_pitch_spares_the_blades(folder):
-    """Two minutes at 18 m/s, where all agents act. Pages have the means over many winds, of a per cent and less.
-
-    Under a budget of travel most of what its base controller gains remains.
-    """
+    """Two minutes at 18 m/s, where all agents act. Pages have the means over many winds, of a per cent and less."""
     baseline, base, agent = in_a_wind(folder, Wind(18.0, 1014), 120.0, 10.0)
     assert agent["blade_flap_del"] < 0.85 * baseline["blade_flap_del"]
     assert agent["mean_power"] > 0.99 * baseline["mean_power"]
-    if folder.name == "load_reduction_half_travel":
-        assert agent["pitch_travel"] < 0.55 * base["pitch_travel"]
-        assert improvement(agent, baseline) > 0.75 * improvement(base, baseline)
-    else:
-        assert improvement(agent, base) > 0.003
+    assert improvement(agent, base) > 0.003
 
 
 @pytest.mark.parametrize("folder", list(filterfalse(moves_blades, FOLDERS)), ids=lambda path: path.name)

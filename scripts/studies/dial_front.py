@@ -4,8 +4,8 @@
     python scripts/studies/dial_front.py train --out runs/dial  # the policy with the dial, and one for each setting
     python scripts/studies/dial_front.py run --out runs/dial    # measure them in held-out winds and write the record
 
-Writes docs/data/dial_front.json. All policies are trained by the file of agents/trained/dial_on_linear_optimal; those
-for single settings have constant weights. "run" takes the policy with the dial from --dial, by default that of "train".
+Writes docs/data/dial_front.json. All policies are trained by the file of agents/trained/dial; those for single settings
+have constant weights. "run" takes the policy with the dial from --dial, by default that of "train".
 
 A setting of the dial gives a point (fatigue, power, travel): the parts of the lifetime cost
 (`wt_gym.analysis.metrics`) less those of the base controller in the same winds. The hypervolume of several points
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 RECORD = DATA / "dial_front.json"
-TRAINING = TRAINED / "dial_on_linear_optimal" / "training.yml"
+TRAINING = TRAINED / "dial" / "training.yml"
 WINDS = ((13.0, 1001), (16.0, 1002), (19.0, 1003))
 DURATION, SKIP = 150.0, 30.0
 SETTINGS = {name: FRONT_SETTINGS[name] for name in ("equal", "fatigue", "power", "travel", "little travel")}

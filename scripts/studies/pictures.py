@@ -31,7 +31,7 @@ from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 from wt_gym.wind.iec import turbulence_sigma
 
-AGENT = TRAINED / "load_reduction_on_linear_optimal"
+AGENT = TRAINED / "load_reduction"
 WIDTH, HEIGHT, DPI = 840, 480, 100
 SHEAR, LIGHT = 0.2, 0.35  # exponent of the profile; turbulence as a share of that of class B
 NEARLY_WHITE = 247  # of 255

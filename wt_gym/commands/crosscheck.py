@@ -1,6 +1,6 @@
 """Run the same agents in the same winds in two simulators, and lay their effects side by side.
 
-    wt-gym crosscheck baseline ipc agents/trained/load_reduction_on_linear_optimal --wind-speed 15 18
+    wt-gym crosscheck baseline ipc agents/trained/load_reduction --wind-speed 15 18
     wt-gym crosscheck discon ipc tuned --simulator '{"name": "openfast", "changes": {"AeroDyn": {"UA_Mod": 3}}}'
 
 Agents are those of wt-gym evaluate; the first is the baseline, in each simulator for itself. OpenFAST takes about ten

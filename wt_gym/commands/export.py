@@ -1,6 +1,6 @@
 """Write a trained agent or a controller in a form that needs neither this package nor PyTorch.
 
-    wt-gym export agents/trained/load_reduction_on_linear_optimal --to onnx --out exported
+    wt-gym export agents/trained/load_reduction --to onnx --out exported
     wt-gym export constrained_ipc+tower_dampers --to discon --out exported
     wt-gym export runs/ppo --to openfast --out flight --wind-speed 15 --duration 300
 

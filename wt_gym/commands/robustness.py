@@ -1,6 +1,6 @@
 """Run agents on turbines, with sensors and in winds that they were not made for, and show what is left of their gain.
 
-    wt-gym robustness ipc agents/trained/load_reduction_on_linear_optimal
+    wt-gym robustness ipc agents/trained/load_reduction
     wt-gym robustness runs/ppo --wind-speed 15 18 --conditions delay servo --jobs 2
     wt-gym robustness --list
 

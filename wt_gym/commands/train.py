@@ -93,7 +93,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="resume where the folder holds this training already, else begin: the same words again and again",
     )  # fmt: skip
     options = parser.add_argument_group("how long, and what is written", argument_default=argparse.SUPPRESS)
-    add_record(options, TrainingConfig, "total_steps", "linear_steps", "pretraining", "budgets", "max_seconds", **_NAMES)
+    add_record(
+        options, TrainingConfig, "total_steps", "linear_steps", "pretraining", "budgets", "max_seconds", **_NAMES
+    )
     seeds = options.add_mutually_exclusive_group()
     add_record(seeds, TrainingConfig, "seed")
     seeds.add_argument(
