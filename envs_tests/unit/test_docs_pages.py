@@ -332,6 +332,12 @@ def table_of_the_readme():
     return text, filled(text, {"transfer": transfer.table})
 
 
+@statement
+def tables_of_the_crosscheck():
+    text = text_of("docs/crosscheck.md")
+    return text, filled(text, {"transfer": transfer.table, "loads": transfer.loads})
+
+
 def test_nothing_imports_ray_that_does_not_ask_for_it():
     program = (
         "import sys, wt_gym.learning.train, wt_gym.experiment.evaluation, wt_gym.experiment.execute, "

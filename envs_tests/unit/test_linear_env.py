@@ -1,6 +1,7 @@
 """The linear model as an environment: exact sums, rewards of the terms, conventions."""
 
 import copy
+import pickle
 
 import gymnasium as gym
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.signal import fftconvolve
 import wt_gym
 from wt_gym.envs.fatigue import LOADS
 from wt_gym.envs.terms import Transition
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning import linear_env
 from wt_gym.learning.linear_env import RAW, LinearModel, LinearTurbineEnv, LinearVectorEnv, forecast
@@ -255,15 +257,36 @@ def test_a_training_begins_on_the_linear_model_with_larger_steps_than_in_the_sim
     monkeypatch.setattr(ArrayPPO, "learn", watched)
     config = TrainingConfig(
         env_id=TASK, linear_steps=256, total_steps=2, n_envs=1, eval_every=0, tensorboard=False,
-        hyperparameters={"learning_rate": "lin_6e-3", "rollout_steps": 128, "batch_size": 32, "n_epochs": 1},
+        hyperparameters={"learning_rate": "lin_6e-3", "rollout_steps": 128, "batch_size": 32, "n_epochs": 1,
+                         "normalize_observations": True},
     )  # fmt: skip
     record = train(config, tmp_path / "run", progress=False)
     assert rates == [(64, pytest.approx(6e-3), 256), (1, pytest.approx(1e-3), 2)]
     assert record["linear"]["steps"] == 256
-    policy = TrainedAgent.load(tmp_path / "run" / "model.zip", "PPO", trust=True).model.policy
-    assert float(policy.action_net.bias.detach().abs().max()) > 0.0  # a fresh one has none
+    assert set(TRAINING_WIND_SEEDS) <= set(record["wind_seeds"])
+    agent = TrainedAgent.load(tmp_path / "run" / "model.zip", "PPO", trust=True)
+    assert float(agent.model.policy.action_net.bias.detach().abs().max()) > 0.0  # a fresh one has none
+    with (tmp_path / "run" / "vecnormalize.pkl").open("rb") as file:
+        statistics = pickle.load(file)
+    assert statistics.obs_rms.count > 64.0  # those of the linear model, from which the policy comes
+    assert statistics.ret_rms.count > 64.0
+
+
+@pytest.mark.parametrize(
+    ("env", "message"),
+    [
+        (TASKS["Gusts"].id, "a linear model needs"),
+        ("wt_gym/LoadReduction-Linear-v0", "needs an environment of the simulator"),
+    ],
+)
+def test_an_environment_without_a_linear_model_is_refused_before_files_are_removed(env, message, tmp_path):
+    (tmp_path / "training.json").write_text("{}")
+    config = TrainingConfig(env_id=env, linear_steps=256, total_steps=2, n_envs=1, eval_every=0, tensorboard=False)
+    with pytest.raises(ValueError, match=message):
+        train(config, tmp_path, progress=False, overwrite=True)
+    assert (tmp_path / "training.json").read_text() == "{}"
 
 
 def test_steps_on_a_linear_model_go_with_nothing_that_it_does_not_have():
-    with pytest.raises(ValueError, match="linear_steps must be left out except with PPO"):
+    with pytest.raises(ValueError, match=r"linear_steps must be left out except with PPO.* got 1 with SAC"):
         TrainingConfig(linear_steps=1, algorithm="SAC")

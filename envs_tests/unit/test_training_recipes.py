@@ -7,6 +7,7 @@ import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands.train import configuration
 from wt_gym.learning.hyperparameters import recipe_file, recipe_names
+from wt_gym.learning.options import PretrainingOptions
 from wt_gym.tasks import DEFAULT_ENV, TASKS
 
 
@@ -41,7 +42,7 @@ def test_typed_options_of_a_pretraining_take_the_place_of_single_ones():
     """``--pretrain`` without options keeps those of the recipe."""
     words = ["--recipe", "--env", TASKS["IEA22MW-LoadReduction"].id]
     recipe = configuration(parse_command("train", words)).pretraining
-    assert recipe["episodes"] == 28
+    assert recipe["episodes"] == PretrainingOptions().episodes
     assert configuration(parse_command("train", [*words, "--pretrain"])).pretraining == recipe
     changed = configuration(parse_command("train", [*words, "--pretrain", "rounds=3"])).pretraining
     assert changed == recipe | {"rounds": 3}

@@ -1,12 +1,14 @@
-"""What the shipped agent of LoadReduction gains, here and in OpenFAST: the tables of README.md and docs/crosscheck.md.
+"""Gains of the shipped agent of LoadReduction, here and in OpenFAST: the tables of README.md and docs/crosscheck.md.
 
     python scripts/studies/transfer.py                     # the tables
     python scripts/studies/transfer.py runs/crosscheck_linear   # from a folder of wt-gym crosscheck, with the record
 
-Writes docs/data/transfer.json. Costs are improvements of the cost of energy over the published controller in the same
-wind and simulator; an agent's gain over the linear optimal controller is the difference of both improvements.
+Writes docs/data/transfer.json of runs that lasted until their end. Costs are improvements of the cost of energy over
+the published controller in the same wind and simulator; an agent's gain over the linear optimal controller is the
+difference of both improvements.
 """
 
+import json
 import sys
 from pathlib import Path
 
@@ -37,6 +39,8 @@ def record(folder):
         for file in sorted((folder / code / "runs").glob("*.nc")):
             with xr.open_dataset(file) as data:
                 data.load()
+            if (ending := json.loads(data.attrs["run"])["ending"]) != "time":
+                raise ValueError(f"{file} must have lasted until the end of its time, got {ending!r}")
             metrics = benchmark_metrics(data, turbine, SKIP)
             runs.append({
                 "simulator": code, "agent": data.attrs["agent"], "speed": float(data.attrs["wind_speed"]),
@@ -51,13 +55,19 @@ def gains(content):
 
     Changes of the agent are against the linear optimal controller, those of the latter against the published one.
     """
-    turbine, cost = load_turbine(content["turbine"]), Cost()
-    found = {(run["simulator"], run["agent"], run["speed"], run["seed"]): run["metrics"] for run in content["runs"]}
-    out = {}
+    turbine, cost = load_turbine(content["turbine"]), Cost(least_power=0.0)
+    found, out, drawn = {}, {}, {run["seed"] for run in content["runs"]}
+    for run in content["runs"]:
+        key = run["simulator"], run["agent"], run["speed"], run["seed"]
+        if key in found:
+            raise ValueError(f"each wind must have one run, got two of {key}")
+        found[key] = run["metrics"]
     for code, agent, speed in sorted({key[:3] for key in found}):
         if agent == PUBLISHED:
             continue
         seeds = sorted(key[3] for key in found if key[:3] == (code, agent, speed))
+        if seeds != sorted(drawn):
+            raise ValueError(f"{agent} must have the winds {sorted(drawn)} at {speed:g} m/s in {code}, got {seeds}")
         below = LINEAR if agent == AGENT else PUBLISHED
         mine, base, first = (
             [found[code, name, speed, seed] for seed in seeds] for name in (agent, below, PUBLISHED)
@@ -91,7 +101,8 @@ def table(_):
     n = len(found[CODES[0], speeds[0], AGENT][0])
     heads = [f"{code}, over `{name}`" for code in ("wt_gym", "OpenFAST") for name in (PUBLISHED, LINEAR)]
     return (
-        f"{markdown(['mean wind', *heads], rows)}\n\n{n} winds a speed, with 95 % intervals of the paired differences."
+        f"{markdown(['mean wind', *heads], rows)}\n\n{n} winds a speed. The gains over `{LINEAR}` are differences of "
+        f"those over `{PUBLISHED}`, with 95 % intervals of the paired differences."
     )
 
 

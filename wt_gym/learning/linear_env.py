@@ -258,7 +258,7 @@ def _stacked(runs: Sequence[_Run]) -> dict[str, Any]:
 def cached_model(env_id: str, arguments: Mapping[str, Any], options: ModelOptions = ModelOptions()) -> LinearModel:
     """Model from the cache of the user, or a new one."""
     described = {name: value for name, value in _modeled(env_id, arguments).items() if name not in _NO_MATTER}
-    env = WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
+    env = make_modeled(env_id, arguments)
     check_environment(env)
     part = cast(LoadObserver, linear_part(env.controller))
     definition = {
@@ -474,6 +474,13 @@ class LinearVectorEnv(WindTurbineVectorEnv):
         if name == "np_random":
             return tuple(self._generators)
         return tuple(getattr(self.envs[0], name) for _ in range(self.num_envs))
+
+
+def make_modeled(env_id: str, arguments: Mapping[str, Any]) -> WindTurbineEnv:
+    """Make the environment of which a model is to be recorded."""
+    if gym.spec(env_id).entry_point != f"{WindTurbineEnv.__module__}:{WindTurbineEnv.__name__}":
+        raise ValueError(f"a linear model needs an environment of the simulator of wt_gym, got {env_id}")
+    return WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
 
 
 def _modeled(env_id: str, kwargs: Mapping[str, Any], **changes: Any) -> dict[str, Any]:

@@ -72,8 +72,8 @@ class TrainingConfig(Options):
         "beyond them", default=200_000, low=0, high=_MOST_STEPS,
     )  # fmt: skip
     linear_steps: int = option(
-        "steps before those, on the linear model of the environment (wt_gym.learning.linear_env), fifty times as fast; "
-        "in the simulator the learning rate is a sixth then", default=0, low=0, high=_MOST_STEPS,
+        "steps before those, on the linear model of the environment (wt_gym.learning.linear_env), over fifty times as "
+        "fast; the learning rate is a sixth then. max_seconds does not count them", default=0, low=0, high=_MOST_STEPS,
     )  # fmt: skip
     max_seconds: float | None = option(
         "wall time after which training stops, counted from zero when it is resumed", default=None, unit="s", low=0.0,
@@ -118,7 +118,10 @@ class TrainingConfig(Options):
             if getattr(self, name) is not None and self.algorithm != "PPO":
                 raise ValueError(f"{name} must be left out except with the algorithm PPO, got {self.algorithm!r}")
         if self.linear_steps and (self.pretraining is not None or self.budgets is not None or self.algorithm != "PPO"):
-            raise ValueError("linear_steps must be left out except with PPO without pretraining and budgets")
+            raise ValueError(
+                "linear_steps must be left out except with PPO without pretraining and budgets, got "
+                f"{self.linear_steps} with {self.algorithm}, pretraining={self.pretraining}, budgets={self.budgets}"
+            )
         others = sorted(set(self.budgets or {}) - {PITCH_TRAVEL})  # a pretraining forecasts the travel of its offsets
         if self.pretraining is not None and not self.total_steps and others:
             raise ValueError(

@@ -9,7 +9,7 @@ import time
 from contextlib import closing
 from dataclasses import asdict, replace
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from stable_baselines3.common.logger import Logger, configure
@@ -18,6 +18,7 @@ from stable_baselines3.common.vec_env import unwrap_vec_wrapper
 import wt_gym
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.terminations import PITCH_TRAVEL
+from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment.environments import resolved_arguments, trained_arguments
 from wt_gym.experiment.execute import executor_for
 from wt_gym.experiment.run_folder import RunFolder
@@ -32,6 +33,7 @@ from wt_gym.learning.callbacks import (
     stop_on_signals,
 )
 from wt_gym.learning.environments import BudgetedVecEnv, BudgetUpdates, make_training_env
+from wt_gym.learning.linear_env import check_environment, make_modeled
 from wt_gym.learning.models import load_model, make_model, save_model, save_replay_buffer
 from wt_gym.learning.options import PretrainingOptions, TrainingConfig
 
@@ -98,6 +100,8 @@ def train(
     config = config.with_hyperparameters()
     with RunFolder(folder) as run:
         run.refuse_used(overwrite)
+        if config.linear_steps:
+            check_environment(make_modeled(config.env_id, config.env_kwargs))
         with closing(make_training_env(config)) as venv:
             model = make_model(config, venv)
             session = _Session(config, run, venv, model, {}, on_evaluation)
@@ -231,19 +235,28 @@ class _Session:
 
     def learn_on_linear_model(self, progress: bool, stop: StopRequest | None) -> None:
         """Train the fresh policy on the linear model of the environment; KeyboardInterrupt where asked to stop."""
-        config = self._config
+        config, began = self._config, time.monotonic()
         before = replace(config, total_steps=config.linear_steps, linear_steps=0, max_seconds=None)
         modeled = {**config.env_kwargs, "modeled": config.env_id}
         linear = replace(before, env_id=LINEAR_ID, env_kwargs=modeled, n_envs=_MODELS)
-        with closing(make_training_env(linear)) as venv, stop_on_signals(stop) as request:
+        with stop_on_signals(stop) as request, closing(make_training_env(linear)) as venv:
             model = make_model(linear, venv)
             watch = Watch(before, self._layout.control_dt, {name: [] for name in _CURVE}, request, progress)
             model.learn(config.linear_steps, watch)
             watch.finish()
             if request.signal_number is not None:
-                raise KeyboardInterrupt(f"the training on the linear model was stopped by {request.name}")
+                raise KeyboardInterrupt(
+                    f"the training on the linear model was stopped by {request.name}; the same command begins it again"
+                )
             self._model.policy.load_state_dict(model.policy.state_dict())
-        self._linear = {"steps": int(model.num_timesteps), "seconds": round(watch.seconds, 1)}
+            mine = cast("VecNormalize", self._model.get_vec_normalize_env())
+            mine.ret_rms = venv.ret_rms
+            if mine.norm_obs:
+                mine.obs_rms = venv.obs_rms
+        self._linear = {
+            "steps": int(model.num_timesteps), "seconds": round(time.monotonic() - began, 1),
+            "wind_seeds": list(TRAINING_WIND_SEEDS),
+        }  # fmt: skip
 
     def learn(self, progress: bool, stop: StopRequest | None) -> dict[str, Any]:
         """Train until the steps are done, time is over or somebody asks to stop; give the record."""
@@ -327,7 +340,8 @@ class _Session:
             return None
         options = self._config.pretraining
         before = () if options is None else PretrainingOptions.from_dict(options).wind_seeds
-        return sorted({*map(int, self._wind.seeds), *before})
+        linear = (self._linear or {}).get("wind_seeds", ())
+        return sorted({*map(int, self._wind.seeds), *before, *linear})
 
 
 def _entry(record: dict[str, Any], name: str, kind: type, missing: Any) -> Any:
