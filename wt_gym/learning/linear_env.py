@@ -259,7 +259,6 @@ def cached_model(env_id: str, arguments: Mapping[str, Any], options: ModelOption
     """Model from the cache of the user, or a new one."""
     described = {name: value for name, value in _modeled(env_id, arguments).items() if name not in _NO_MATTER}
     env = make_modeled(env_id, arguments)
-    check_environment(env)
     part = cast(LoadObserver, linear_part(env.controller))
     definition = {
         "fingerprint": benchmark_fingerprint(env.turbine, env.fidelity),
@@ -477,10 +476,12 @@ class LinearVectorEnv(WindTurbineVectorEnv):
 
 
 def make_modeled(env_id: str, arguments: Mapping[str, Any]) -> WindTurbineEnv:
-    """Make the environment of which a model is to be recorded."""
+    """Make the environment that is to be modeled; a ValueError where there is no linear model of it."""
     if gym.spec(env_id).entry_point != f"{WindTurbineEnv.__module__}:{WindTurbineEnv.__name__}":
         raise ValueError(f"a linear model needs an environment of the simulator of wt_gym, got {env_id}")
-    return WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
+    env = WindTurbineEnv(**_modeled(env_id, arguments, **STILL))
+    check_environment(env)
+    return env
 
 
 def _modeled(env_id: str, kwargs: Mapping[str, Any], **changes: Any) -> dict[str, Any]:

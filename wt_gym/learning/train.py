@@ -33,7 +33,7 @@ from wt_gym.learning.callbacks import (
     stop_on_signals,
 )
 from wt_gym.learning.environments import BudgetedVecEnv, BudgetUpdates, make_training_env
-from wt_gym.learning.linear_env import check_environment, make_modeled
+from wt_gym.learning.linear_env import make_modeled
 from wt_gym.learning.models import load_model, make_model, save_model, save_replay_buffer
 from wt_gym.learning.options import PretrainingOptions, TrainingConfig
 
@@ -101,7 +101,7 @@ def train(
     with RunFolder(folder) as run:
         run.refuse_used(overwrite)
         if config.linear_steps:
-            check_environment(make_modeled(config.env_id, config.env_kwargs))
+            make_modeled(config.env_id, config.env_kwargs)  # refuses one without a linear model
         with closing(make_training_env(config)) as venv:
             model = make_model(config, venv)
             session = _Session(config, run, venv, model, {}, on_evaluation)
