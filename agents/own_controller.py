@@ -40,7 +40,7 @@ class IndividualPitch:
         self.gain = gain
 
     def start(self, signals, demand):
-        """Take over from the present demand."""
+        """Take over from the current demand."""
         self.speed, self.integral, self.offsets = signals["generator_speed"], float(np.mean(demand.pitch)), np.zeros(2)
 
     def step(self, signals, dt):

@@ -68,7 +68,7 @@ def main():
     observation = torch.as_tensor(envs.reset(seed=arguments.seed)[0])
     returns, episodes, steps, start = np.zeros(n_envs), [], 0, time.monotonic()
     while steps < arguments.steps:
-        # one rollout under the present policy
+        # one rollout under the current policy
         for k in range(n_steps):
             with torch.no_grad():
                 distribution = agent.distribution(observation)

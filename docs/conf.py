@@ -83,6 +83,19 @@ def _links(app, docname, source):
     source[0] = re.sub(r"^(```python\n(?:(?!```).*\n)*?)\n+```$", r"\1```", source[0], flags=re.MULTILINE)
 
 
+_TOP = {
+    "learn": "Learn a controller", "bring": "Bring your turbine and controller", "check": "Check the physics",
+    "reference/environment": "Reference", "contributing": "Contribute", "howto/install": "Install",
+    "frames": "Frames and signs",
+}  # fmt: skip
+
+
+def _top(app, pagename, templatename, context, doctree):
+    """Put a navigation above each page, where the theme has an announcement."""
+    links = (f'<a href="{context["pathto"](page)}">{title}</a>' for page, title in _TOP.items())
+    context["theme_announcement"] = f'<nav class="top">{"".join(links)}</nav>'
+
+
 _UNITS = "%|°|[kMG]?W|[kM]?N|[kcm]?m|k?Hz|m?s|µs|min|h|rpm|deg|rad|kg|t|MiB|GB"
 _TOGETHER = re.compile(rf"(?<=\d) (?=\d{{3}}(?!\d)|(?:{_UNITS})(?![^\W_]))")  # "12 m/s", "50 000"
 
@@ -130,5 +143,6 @@ def _docstrings(app, what, name, obj, options, lines):
 def setup(app):
     """Connect what is above to Sphinx."""
     app.connect("source-read", _links)
+    app.connect("html-page-context", _top)
     app.connect("doctree-resolved", _numbers)
     app.connect("autodoc-process-docstring", _docstrings, priority=100)  # before napoleon

@@ -125,6 +125,37 @@ _FULL_OPERATION = {
 
 _MODERATE = {"blade_fatigue": 0.3, "tower_fore_aft_fatigue": 0.2, "tower_side_side_fatigue": 0.05}
 
+
+def _chain_strength(diameter: float) -> float:
+    """Breaking load of a studless chain of grade R3 [N], of nominal diameter [mm] (IACS, Unified Requirement W22)."""
+    return 22.3 * diameter**2 * (44.0 - 0.08 * diameter)
+
+
+# A floating platform swings for minutes: an episode lasts ten of its periods, and the discount of the training looks
+# 60 s ahead at this step. Mean offsets are washed out slower than the platform swings. Weights price loads as those of
+# LoadReduction do; torque, which damps roll, and pitch cost travel. Misaligned waves make roll and side-side loads.
+_FLOATING: dict[str, Any] = {
+    **_RESIDUAL,
+    "pitch": "fixed-frame",
+    "residual_form": "offset",
+    "residual_fade": True,
+    "residual_washout": 60.0,
+    "action_components": ("pitch", "torque"),
+    "action_spans": {"pitch_mean": math.radians(3.0), **_spans(2.0)},
+    "wind_speed": (12.0, 20.0),
+    "turbulence_class": "B",
+    "sea": {"misalignment": math.radians(30.0)},
+    "observation": ("measurable", "platform", "offsets"),
+    "sensor_washout": None,
+    "control_dt": 0.3,
+    "starts": 64,
+    "reward": {
+        "power": 5.0, "blade_fatigue": 5.0, "tower_fore_aft_fatigue": 10.0, "tower_side_side_fatigue": 2.0,
+        "platform_motion": 5.0, "actuator_use": 3.0, "overspeed": 0.0, "high_speed": 5.0,
+    },
+    "termination_penalty": 3000.0,
+}  # fmt: skip
+
 TASKS = {
     task.name: task
     for task in (
@@ -227,6 +258,28 @@ TASKS = {
                 "action_spans": _spans(1.7),
                 # its drives move heavy blades slowly: at a higher price their use hides what offsets do to the loads
                 "reward": {**_OFFSETS["reward"], "actuator_use": 1.2},
+            },
+        ),
+        Task(
+            "OC4-FloatingLoadReduction",
+            1,
+            "Less fatigue of tower and blades and less motion of a floating platform, in wind and waves, by pitch and "
+            "torque on top of a controller with detuned gains.",
+            "lifetime cost and standard deviation of the platform's pitch, at no less than 99.5 % of the energy",
+            300.0,
+            {**_FLOATING, "turbine": "oc4_nrel_5mw", "line_tension_limit": _chain_strength(76.6)},
+        ),
+        Task(
+            "VolturnUS-FloatingLoadReduction",
+            1,
+            "The same on a platform with a turbine of three times the power.",
+            "as OC4-FloatingLoadReduction",
+            300.0,
+            {
+                **_FLOATING,
+                **RECORDS["volturnus_iea_15mw"].arguments,
+                "turbine": "volturnus_iea_15mw",
+                "line_tension_limit": _chain_strength(185.0),
             },
         ),
         Task(

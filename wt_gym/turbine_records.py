@@ -1,6 +1,6 @@
-"""Turbines of the catalogue: one record each, a file ``turbines/records/NAME.json``.
+"""Turbines of the catalog: one record each, a file ``turbines/records/NAME.json``.
 
-This module loads nothing heavy: the ids of the environments are registered from it. A new turbine of the catalogue is a
+This module loads nothing heavy: the ids of the environments are registered from it. A new turbine of the catalog is a
 new record.
 """
 
@@ -37,7 +37,8 @@ class TurbineRecord:
         Multiple of the published gain below rated that made the most power in coupled runs
         (`wt_gym.control.controllers.own`).
     rotor_table : dict, optional
-        Coefficients of the rotor as measured in the simulator (`wt_gym.control.rotor`).
+        Coefficients of the rotor as measured in the simulator (`wt_gym.control.rotor`), or ``{"turbine": its name,
+        "same_as": another name}`` for those of another turbine with the same rotor.
     """
 
     name: str
@@ -93,4 +94,4 @@ def _as_tuples(arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 RECORDS = read_records(FOLDER)
-"""Record of every turbine of the catalogue by its name."""
+"""Record of every turbine of the catalog by its name."""

@@ -10,7 +10,7 @@ import json
 import re
 from pathlib import Path
 
-from site_parts import beyond_pi, command_line, constants, environment, options, validation_record
+from site_parts import beyond_pi, command_line, constants, environment, options, studies, validation_record
 from wt_gym.analysis.crosscheck import tables
 
 _ROOT = Path(__file__).resolve().parents[2]
@@ -43,6 +43,7 @@ PARTS = {
     "observation": environment.observation,
     "action": environment.action,
     "rewards": environment.rewards,
+    "study": studies.study,
     "channels": options.channels,
     "turbines": options.turbines,
     "controllers": options.controllers,
@@ -52,6 +53,7 @@ PARTS = {
     "lattices": options.lattices,
     "cli": command_line.commands,
     "crosscheck": _crosscheck,
+    "headline": validation_record.headline,
     "validation": validation_record.summary,
     "checks": validation_record.checks,
 }

@@ -6,8 +6,6 @@ import inspect
 import sys
 from importlib import import_module
 
-from sphinx.pycode import ModuleAnalyzer
-
 from site_parts.markdown import table
 
 _LONGEST = 70
@@ -15,6 +13,8 @@ _LONGEST = 70
 
 def constants(module):
     """Public names that are neither classes nor functions, with what is said where they are made."""
+    from sphinx.pycode import ModuleAnalyzer  # not where the parts are tested without the site
+
     public, rows = import_module(module), []
     said = [name for place, name in ModuleAnalyzer.for_module(module).find_attr_docs() if not place and name[0] != "_"]
     for name in getattr(public, "__all__", said):
@@ -26,6 +26,8 @@ def constants(module):
 
 def _said(name, thing):
     """Docstring of a constant, from the module that assigns it."""
+    from sphinx.pycode import ModuleAnalyzer
+
     for place in sorted(found for found in sys.modules if found.startswith("wt_gym")):
         module = sys.modules[place]
         if vars(module).get(name) is thing and hasattr(module, "__file__"):

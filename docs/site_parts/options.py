@@ -18,7 +18,7 @@ from wt_gym.control.controllers import (
 from wt_gym.control.controllers.names import default_text
 from wt_gym.simulation import FIDELITIES, Fidelity, channel_table
 from wt_gym.simulation.channels import EVEN
-from wt_gym.turbines import catalogue, load_turbine
+from wt_gym.turbines import catalog, load_turbine
 
 _RPM = 9.549296585513721
 
@@ -45,9 +45,9 @@ def channels():
 
 
 def turbines():
-    """The catalogue."""
+    """The catalog."""
     rows = []
-    for name in catalogue():
+    for name in catalog():
         t = load_turbine(name)
         speed = t.drivetrain.rated_rotor_speed * _RPM
         sizes = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import textwrap
 from pathlib import Path
 
@@ -11,6 +12,16 @@ from site_parts.markdown import table
 RECORD = Path(__file__).resolve().parents[1] / "data" / "validation.json"
 _NAME = "docs/data/validation.json"
 _WIDTH = 110
+
+
+def headline():
+    """How many checks pass, and what those concern that do not."""
+    found, known = read_record(RECORD), json.loads(RECORD.with_name("studies.json").read_text(encoding="utf-8"))
+    failing = {name for name, case in found.items() if not case["passed"]}
+    concerns = dict.fromkeys(what for name, what, *_ in known["deviations"][1:] if name.strip("`") in failing)
+    *most, last = concerns
+    checks = [check["passed"] for case in found.values() for check in case["checks"]]
+    return f"{sum(checks)} of {len(checks)} checks pass; the failing ones concern {', '.join(most)} and {last}.\n"
 
 
 def summary():

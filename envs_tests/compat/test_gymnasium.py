@@ -85,6 +85,22 @@ def test_vector_wrappers(scripted, name, mode):
     envs.close()
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_an_episode_becomes_a_film(tmp_path):
+    """With the extra ``train``, which `scripts/demo` installs."""
+    moviepy = pytest.importorskip("moviepy.video.io.VideoFileClip")
+    plain = gym.make("wt_gym/NREL5MW-Steady-v1", render_mode="rgb_array", max_episode_steps=STEPS)
+    env = wrappers.RecordVideo(plain, str(tmp_path / "films"))
+    env.reset(seed=1)
+    while not env.step(env.action_space.sample())[3]:
+        pass
+    env.close()
+    (film,) = (tmp_path / "films").glob("*.mp4")
+    with moviepy.VideoFileClip(str(film)) as clip:
+        assert clip.size == [960, 540]
+        assert clip.fps * clip.duration == pytest.approx(STEPS + 1, abs=1.0)
+
+
 def cleanrl_environment():
     """Environment as CleanRL's ``ppo_continuous_action.py`` makes it."""
     env = gym.make(ID, max_episode_steps=STEPS)

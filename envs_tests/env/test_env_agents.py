@@ -12,7 +12,7 @@ import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
 from envs_tests.env.scripted_simulator import Swinging
-from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS
+from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, PLATFORM_METRICS, TRACKING_METRICS
 from wt_gym.analysis.report import write_report
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.analysis.statistics import WindClimate
@@ -124,8 +124,9 @@ def test_evaluation_covers_agents_and_winds(evaluation):
     np.testing.assert_allclose(base.data["time"], np.arange(76) * 0.2)
     assert set(base.metrics) == set(METRICS) - {
         *TRACKING_METRICS,
+        *PLATFORM_METRICS,
         *LIMIT_METRICS,
-    }  # no power is demanded, nothing limited
+    }  # no power is demanded, nothing limited, nothing floats
     power = base.data["generator_power"].values[1 + 25 :]  # after the first step and 5 s
     assert base.metrics["mean_power"] == pytest.approx(power.mean())
     replay = result.run("PPO", Wind(12.0, 1001)).replay

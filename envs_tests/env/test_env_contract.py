@@ -1,9 +1,15 @@
 """The environment keeps the contract of Gymnasium and stable-baselines3, on the real simulator."""
 
+import re
+from pathlib import Path
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
+from matplotlib import pyplot as plt
+from matplotlib.backend_bases import FigureManagerBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from stable_baselines3.common.vec_env import DummyVecEnv
 from turbine_contract import random_episode, snapshot_repeats
 
@@ -139,6 +145,33 @@ def test_vector_environments_of_gymnasium_and_stable_baselines():
     assert rewards.shape == (2,)
     assert not dones.any()
     assert "power" in infos[0]["reward_terms"]
+
+
+def test_a_live_view_is_a_window_or_without_a_display_a_file(monkeypatch):
+    plt.switch_backend("agg")
+    arguments = {"render_mode": "human", "wind_speed": 10.0, "control_dt": 0.4, "start": "steady"}
+    with pytest.warns(UserWarning, match="there is no display") as told:
+        env = gym.make(IDS[0], disable_env_checker=True, **arguments)
+    path = Path(re.search(r"\S+\.png", str(told[0].message))[0])
+    env.reset(seed=0)
+    before = plt.imread(path)
+    assert before.shape[:2] == (540, 960)
+    env.step(env.action_space.sample())
+    assert (plt.imread(path) != before).any()  # the rotor has turned
+    assert env.render() is None
+    env.close()
+    assert not path.exists()
+    shown, drawn = [], []
+    monkeypatch.setattr(FigureCanvasAgg, "required_interactive_framework", "tk")
+    monkeypatch.setattr(FigureManagerBase, "show", lambda _: shown.append(True))
+    monkeypatch.setattr(FigureCanvasAgg, "flush_events", lambda canvas: drawn.append(np.array(canvas.buffer_rgba())))
+    env = gym.make(IDS[0], disable_env_checker=True, **arguments)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    env.close()
+    assert (len(shown), len(drawn)) == (1, 2)
+    assert (drawn[0] != drawn[1]).any()
+    assert plt.get_fignums() == []
 
 
 def test_render_gives_a_picture():

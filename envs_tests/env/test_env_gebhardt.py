@@ -12,7 +12,7 @@ from wt_gym.control import operating_point
 from wt_gym.control.rotor import rotor_table
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.catalogue import GENERATOR_DAMPER
+from wt_gym.turbines.catalog import GENERATOR_DAMPER
 from wt_gym.turbines.variants import with_damper
 
 IDS = ("wt_gym/Gebhardt45m-Steady-v1", "wt_gym/Gebhardt45m-Turbulent-v1")

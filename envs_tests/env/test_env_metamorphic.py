@@ -184,6 +184,8 @@ def slow_without(fast):
 
 @pytest.mark.parametrize("name", slow_without(TURNED))
 def test_a_turned_world_is_the_same(name):
+    if name.endswith("FloatingLoadReduction"):
+        pytest.skip("the hull and its lines are not turned with wind and waves")
     case = case_of(name)
     (env,) = case.envs()
     assert_same(*(play(env, {"yaw": math.radians(angle)}, case.agent(env)) for angle in (0.0, 237.0)))
@@ -270,7 +272,8 @@ def test_a_mirrored_world_is_the_same(name):
 @pytest.mark.parametrize("pitch", ["collective", "individual", "fixed-frame"])
 def test_every_observation_of_a_mirrored_world(pitch):
     """All groups and all single channels, with noise, delay, memory and a lidar, and every component of an action."""
-    groups = tuple(name for name in OBSERVATION_GROUPS if name not in ("disturbances", "model_fit"))
+    absent = "disturbances", "model_fit", "platform", "platform_position", "wave"
+    groups = tuple(name for name in OBSERVATION_GROUPS if name not in absent)
     arguments = {
         "action_mode": "residual", "pitch": pitch, "controller": "tsr_tracking", "observation": groups,
         "action_components": ("pitch", "yaw", "torque"), "residual_fade": True, "residual_washout": 20.0, **WIND,

@@ -16,7 +16,7 @@ from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.catalogue import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
+from wt_gym.turbines.catalog import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
 from wt_gym.wind import SteadyInflow
 
 # ---- stand-in -------------------------------------------------------------------------------------------------------

@@ -33,13 +33,17 @@ def modal_body(name="beam", n=4, n_elements=8, factor=1.0, complete=False):
     return FlexibleBody.from_beam(name, beam, clamped_modes(beam, n).shape, complete=complete)
 
 
-@pytest.mark.parametrize("complete", [False, True])
-def test_equations_of_motion_are_those_of_lagrange(complete):
+@pytest.mark.parametrize(("complete", "floating"), [(False, False), (True, False), (False, True)])
+def test_equations_of_motion_are_those_of_lagrange(complete, floating):
     """d/dt ∂T/∂u = ∂(T − V)/∂q at any state, coordinate by coordinate: also of the terms that do no work."""
-    system = MultibodySystem()
+    system, floater = MultibodySystem(), None
+    if floating:
+        floater = FlexibleBody.rigid("floater", 5.0, (0.1, 0.2, -0.8), np.diag([4.0, 5.0, 6.0]))
+        floater = system.add(floater, Joint("cardan", offset=(0.3, 0.2, 0.1), name="platform"))
     tower = system.add(
-        modal_body("tower", 3, 4, factor=4.0, complete=complete), Joint("revolute", (0.8, 0.6, 0.0), name="lean")
-    )
+        modal_body("tower", 3, 4, factor=4.0, complete=complete), Joint("revolute", (0.8, 0.6, 0.0), name="lean"),
+        floater,
+    )  # fmt: skip
     hub = FlexibleBody.rigid("hub", 2.0, (0.3, 0.1, 0.2), np.diag([0.5, 0.3, 0.4]))
     hub = system.add(hub, Joint("revolute", (0.6, 0.0, 0.8), offset=(0.1, 0.2, 0.4), name="turn"), tower, "tip")
     tilt = Rotation.from_euler("xy", [0.9, -0.3]).as_matrix()
@@ -59,6 +63,75 @@ def test_equations_of_motion_are_those_of_lagrange(complete):
     change = (momentum(y + h * dy) - momentum(y - h * dy)) / (2.0 * h)
     slope = np.array([lagrangian(y + h * e) - lagrangian(y - h * e) for e in unit[:n]]) / (2.0 * h)
     np.testing.assert_allclose(change, slope, atol=1e-5 * np.abs(slope).max())
+
+
+def floating_pair(added, mass=5.0):
+    """A hinged body on a floater with added mass (6, 6), and a state in full motion."""
+    system = MultibodySystem()
+    floater = FlexibleBody.rigid("floater", mass, (0.0, 0.0, 0.0), np.diag([4.0, 5.0, 6.0]))
+    floater = system.add(floater, Joint("cardan", name="platform"))
+    system.add(box("load", 2.0, np.diag([0.5, 0.3, 0.4])), Joint("revolute", (0.6, 0.0, 0.8), name="turn",
+                                                                 offset=(0.1, 0.2, 1.4)), floater)  # fmt: skip
+    system.add_water(floater, added)
+    rng = np.random.default_rng(11)
+    return system.build(), np.concatenate([0.3 * rng.standard_normal(7), rng.standard_normal(7)])
+
+
+def test_water_that_moves_with_a_floater_keeps_the_energy():
+    root = np.random.default_rng(5).standard_normal((6, 6))
+    system, y = floating_pair(20.0 * root @ root.T)
+    inertia, _ = system.balance(y, system.new_inputs(), system.new_work())
+    dry, _ = floating_pair(np.zeros((6, 6)))[0].balance(y, system.new_inputs(), system.new_work())
+    assert np.abs(inertia - dry).max() > 10.0
+    step = 1e-5 * system.rates(y)
+    change = sum(system.energy(y + step)) - sum(system.energy(y - step))
+    assert abs(change) < 1e-8 * sum(np.abs(system.energy(y)))
+
+
+def test_added_mass_is_mass_without_weight():
+    system, y = floating_pair(np.diag([3.0, 3.0, 3.0, 0.0, 0.0, 0.0]))
+    heavy, _ = floating_pair(np.zeros((6, 6)), mass=8.0)
+    inputs, work = heavy.new_inputs(), heavy.new_work()
+    heavy.rates(y, inputs, work)
+    inputs.body_loads[:, 0, :3] = 3.0 * work.rot[0].T @ -heavy.gravity
+    np.testing.assert_allclose(system.rates(y), heavy.rates(y, inputs, work), rtol=1e-12, atol=1e-12)
+
+
+def test_a_cardan_joint_moves_as_a_free_one():
+    """The same accelerations of a body in the air, whatever its coordinates are."""
+    body = FlexibleBody.rigid("body", 2.0, (0.1, -0.3, 0.2), np.diag([1.0, 2.0, 2.5]))
+    cardan, free = MultibodySystem(), MultibodySystem()
+    cardan.add(body, Joint("cardan", name="platform"))
+    free.add(body, Joint("free", name="platform"))
+    cardan.build(), free.build()
+    y = np.array([0.4, -0.2, 1.0, 0.5, -0.7, 1.1, 0.3, 0.1, -0.6, 0.8, -0.4, 0.9])
+    work, other = cardan.new_work(), free.new_work()
+    cardan.rates(y, work=work)
+    turn = Rotation.from_euler("ZYX", y[[5, 4, 3]])
+    np.testing.assert_allclose(work.rot[0], turn.as_matrix(), atol=1e-14)
+    z = np.concatenate([y[:3], turn.as_quat()[[3, 0, 1, 2]], y[6:9], work.omega[0]])
+    rates = free.rates(z, work=other)
+    np.testing.assert_allclose(cardan.rates(y)[6:9], rates[7:10], rtol=1e-12)
+    h, spins = 1e-6, []
+    for sign in (1.0, -1.0):
+        cardan.rates(y + sign * h * cardan.rates(y), work=work)
+        spins.append(work.omega[0].copy())
+    np.testing.assert_allclose((spins[0] - spins[1]) / (2.0 * h), rates[10:13], rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("joint", "added", "message"),
+    [
+        ("free", np.eye(6), "Cardan joint"),
+        ("cardan", np.eye(3), "symmetric finite matrix"),
+        ("cardan", np.triu(np.ones((6, 6))), "symmetric"),
+        ("cardan", -np.eye(6), "positive semidefinite"),
+    ],
+)
+def test_added_mass_that_is_none(joint, added, message):
+    system = MultibodySystem()
+    system.add(box(), Joint(joint, name="platform"))
+    refuses(MultibodyError, (message, lambda: system.add_water(0, added)))
 
 
 def test_mass_matrix_of_a_bent_and_twisted_blade_is_that_of_its_mass_points():

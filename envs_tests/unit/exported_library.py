@@ -83,11 +83,12 @@ def torques(demands):
 
 
 def compiled(source, main, folder, sanitizers="address,undefined"):
-    """Path of a program of a source and a main function, under sanitizers."""
+    """Path of a program of a source and a main function, a file of `data`, under sanitizers."""
     if not (compiler := shutil.which("gcc") or shutil.which("clang")):
         pytest.skip("gcc or clang is needed")
     path = folder / "program"
-    path.with_suffix(".c").write_text(f'#include "{source}"\n' + main, encoding="utf-8")
+    main = Path(__file__).with_name("data") / main
+    path.with_suffix(".c").write_text(f'#include "{source}"\n#include "{main}"\n', encoding="utf-8")
     flags = ["-std=c99", "-g", "-O1", f"-fsanitize={sanitizers}", "-fno-sanitize-recover=all"]
     command = [compiler, *flags, "-o", str(path), f"{path}.c", "-lm"]
     built = subprocess.run(command, capture_output=True, text=True)
@@ -159,80 +160,9 @@ def random_readings(turbine, count, seed, dt, n_gates=0):
         }  # fmt: skip
 
 
-DRIVER = r"""
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <math.h>
-static float uniform(float low, float high) { return low + (high - low) * (float)rand() / (float)RAND_MAX; }
-int main(int n, char **words) {
-    static float swap[3500];
-    char message[1025];
-    int fail, worst = 0;
-    (void)n;
-    srand(1);
-    for (int k = 0; k < 3000; k++) {
-        const int blades[] = {3, 32, 33}, moments[] = {29, 30, 31, 68, 69, 70};
-        swap[0] = k == 0 ? 0.0f : 1.0f; swap[1] = 0.05f * (float)k; swap[2] = 0.05f; swap[27] = 1.0f;
-        swap[48] = 1025.0f; swap[49] = (float)strlen(words[1]) + 1.0f; swap[50] = (float)strlen(words[2]) + 1.0f;
-        for (int b = 0; b < 3; b++) swap[blades[b]] = uniform(-0.1f, 1.6f);
-        for (int b = 0; b < 6; b++) swap[moments[b]] = uniform(-3e7f, 3e7f);
-        swap[19] = uniform(-10.0f, 200.0f); swap[20] = swap[19] / 97.0f; swap[14] = uniform(0.0f, 6e6f);
-        swap[22] = uniform(0.0f, 5e4f); swap[23] = uniform(-7.0f, 7.0f); swap[26] = uniform(0.0f, 40.0f);
-        swap[52] = uniform(-60.0f, 60.0f); swap[53] = uniform(-2.0f, 2.0f); swap[59] = uniform(-10.0f, 10.0f);
-        swap[128] = 3500.0f; swap[2000] = 3.0f; swap[2001] = 1.0f; swap[2002] = 3.0f;
-        for (int g = 0; g < 3; g++) {
-            swap[2004 + g] = uniform(3.0f, 25.0f); swap[2007 + g] = -63.0f * (float)(g + 1); swap[2010 + g] = 0.0f;
-        }
-        swap[36] = uniform(-0.3f, 0.3f);
-        if (k > 0 && k % 5 == 0) swap[2001 + rand() % 15] = k % 2 ? NAN : uniform(-1e9f, 1e9f);
-        if (k > 0 && k % 7 == 0) swap[rand() % 75 + 3] = k % 2 ? NAN : INFINITY;
-        DISCON(swap, &fail, words[1], words[2], message);
-        if (fail < worst) worst = fail;
-        for (int r = 41; r < 48; r++) if (!isfinite(swap[r])) { printf("not finite: %d in call %d\n", r, k); return 2; }
-        if (k == 1500) {
-            for (int status = -8; status >= -9; status--) {
-                swap[0] = (float)status; DISCON(swap, &fail, words[1], words[2], message);
-                if (fail != 0) { printf("%s\n", message); return 3; }
-            }
-        }
-    }
-    swap[0] = -1.0f;
-    DISCON(swap, &fail, words[1], words[2], message);
-    swap[0] = 0.0f;
-    swap[48] = 20.0f;      /* a short message, a file that is not there */
-    DISCON(swap, &fail, "nothing", words[2], message);
-    if (fail != -1 || strlen(message) != 19) { printf("message '%s'\n", message); return 4; }
-    return worst == 0 ? 0 : 5;
-}
-"""
-
-
-NUMBERS = r"""
-#include <locale.h>
-#include <stdio.h>
-#include <string.h>
-int main(int n, char **words) {
-    char line[4096];
-    if (n > 1 && setlocale(LC_ALL, words[1]) == NULL) return 2;
-    if (n > 1 && snprintf(line, sizeof line, "%.1f", 0.5) && line[1] != ',') return 3;
-    while (fgets(line, sizeof line, stdin) != NULL) {
-        const char *end;
-        double value;
-        unsigned long long bits;
-        line[strcspn(line, "\n")] = 0;
-        value = read_number(line, &end);
-        memcpy(&bits, &value, sizeof bits);
-        printf("%016llx %d\n", bits, (int)(end - line));
-    }
-    return 0;
-}
-"""
-
-
 def numbers_read(source, texts, folder, locale=None, environment=None):
     """Numbers that the parameter file of a source would have of texts, and how many characters each took."""
-    words = [compiled(source, NUMBERS, folder), *([locale] if locale else [])]
+    words = [compiled(source, "read_numbers.c", folder), *([locale] if locale else [])]
     text = "".join(f"{line}\n" for line in texts)
     done = subprocess.run(words, input=text, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stderr
@@ -242,7 +172,7 @@ def numbers_read(source, texts, folder, locale=None, environment=None):
 
 def sanitized(source, parameters, folder):
     """Run a source with random and missing readings under the sanitizers of addresses and undefined behavior."""
-    program = compiled(source, DRIVER, folder, "address,undefined,float-cast-overflow")
+    program = compiled(source, "random_readings.c", folder, "address,undefined,float-cast-overflow")
     done = subprocess.run([program, str(parameters), str(folder / "out")], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""

@@ -1,4 +1,4 @@
-"""OpenFAST files of a turbine, for the tests of the reader: written from the numbers of the catalogue's NREL 5-MW."""
+"""OpenFAST files of a turbine, for the tests of the reader: written from the numbers of the catalog's NREL 5-MW."""
 
 from dataclasses import replace
 

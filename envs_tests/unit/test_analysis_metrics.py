@@ -9,6 +9,7 @@ import xarray as xr
 from wt_gym.analysis.metrics import (
     LIMIT_METRICS,
     METRICS,
+    PLATFORM_METRICS,
     TRACKING_METRICS,
     damage_equivalent_load,
     measured_metrics,
@@ -93,7 +94,8 @@ def run(turbine):
 
 def test_metrics_of_a_made_up_run(run, turbine):
     metrics, rated = run_metrics(run, turbine), turbine.drivetrain.rated_rotor_speed
-    assert set(metrics) == set(METRICS) - {*TRACKING_METRICS, *LIMIT_METRICS} == set(measured_metrics([metrics]))
+    special = {*TRACKING_METRICS, *PLATFORM_METRICS, *LIMIT_METRICS}
+    assert set(metrics) == set(METRICS) - special == set(measured_metrics([metrics]))
     half_cycles = 499.5 / 100.0  # 999 in 100 s
     expected = {
         "mean_power": 2e6, "energy": 2e8, "power_std": 0.0, "torque_rate": 1000.0, "overspeed_count": 5,
@@ -106,14 +108,24 @@ def test_metrics_of_a_made_up_run(run, turbine):
     assert metrics["rotor_speed_mean"] == pytest.approx(1.0375 * rated, rel=1e-3)
 
 
+def test_metrics_of_a_platform(run, turbine):
+    angle = np.radians(2.0 + np.where(np.arange(run.sizes["time"]) % 2 == 0, 1.0, -1.0))
+    channels = {"platform_pitch": ("time", angle), "platform_roll": ("time", np.full_like(angle, np.radians(4.0)))}
+    metrics = run_metrics(run.assign(channels), turbine)
+    assert set(metrics) == set(METRICS) - {*TRACKING_METRICS, *LIMIT_METRICS}
+    found = [math.degrees(metrics[name]) for name in PLATFORM_METRICS]
+    assert found == pytest.approx([2.0, 1.0, 5.0], rel=1e-3)
+
+
 def test_metrics_of_a_tracked_power(run, turbine):
     """2 MW against a demand of 1.9 MW, then of 2.4 MW while the wind allows no more than 2.1 MW."""
     early = np.arange(run.sizes["time"]) < run.sizes["time"] // 2
     demanded, available = np.where(early, 1.9e6, 2.4e6), np.where(early, 5e6, 2.1e6)
     added = {"demanded_power": ("time", demanded), "available_power": ("time", available)}
     metrics = run_metrics(run.assign(added), turbine)
-    assert set(metrics) == set(METRICS) - set(LIMIT_METRICS) == set(measured_metrics([{}, metrics]))
-    assert set(measured_metrics([metrics, {"limits_violated": 0.0}])) == set(METRICS)
+    assert set(metrics) == set(METRICS) - {*PLATFORM_METRICS, *LIMIT_METRICS} == set(measured_metrics([{}, metrics]))
+    others = dict.fromkeys(("limits_violated", *PLATFORM_METRICS), 0.0)
+    assert set(measured_metrics([metrics, others])) == set(METRICS)
     assert metrics["tracking_mean"] == pytest.approx(250e3)
     assert metrics["tracking_rms"] == pytest.approx(math.sqrt((100e3**2 + 400e3**2) / 2))
     assert metrics["tracking_rms_share"] == pytest.approx(metrics["tracking_rms"] / turbine.drivetrain.rated_power)
@@ -135,7 +147,7 @@ SHOWN = {
     "MW": 1e-6, "MWh": 1 / 3.6e9, "rpm": 30 / np.pi, "MN m": 1e-6, "kN m/s": 1e-3, "deg": 180 / np.pi, "%": 100.0,
     "kW": 1e-3, "m": 1.0, "-": 1.0,
 }  # fmt: skip
-NO_SENSE = {"rotor_speed_mean", "saturated_share", "demanded_energy"}
+NO_SENSE = {"rotor_speed_mean", "saturated_share", "demanded_energy", "platform_pitch_mean"}
 MORE_IS_BETTER = {"mean_power", "corrected_power", "energy", "tip_clearance_min"}
 
 

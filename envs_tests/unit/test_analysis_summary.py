@@ -108,6 +108,22 @@ def test_the_result_in_words(changes, kind, sentence):
         assert shown.replace("Against Baseline in two winds, ", "").replace(" in two winds.", ".") == sentence
 
 
+def test_the_base_controller_and_learning_have_their_own_parts():
+    """The agent PPO on the controller "linear", which is compared too; and the wear of a pitch bearing."""
+    result = evaluation(blade_flap_del=0.6e6, pitch_duty_cycle=0.3)
+    base = [
+        replace(run, agent="linear", metrics=run.metrics | {"blade_flap_del": 0.8e6}) for run in result.runs_of("PPO")
+    ]
+    training = {"PPO": record(environment={"controller": "linear"})}
+    both = replace(result, runs=[*result.runs, *base], training=training)
+    shown = result_sentence(both).replace("\u00a0", " ")
+    assert shown == (
+        "Against Baseline in two winds, linear alone lowers flapwise blade fatigue by 20.0 % at the same power; with "
+        "learning on top of it, PPO lowers flapwise blade fatigue by 40.0 % at the same power."
+    )
+    assert "typical individual pitch control has 20 % at 15 m/s" in " ".join(summarize(both)).replace("\u00a0", " ")
+
+
 def test_an_early_end_is_told_and_not_compared(tmp_path):
     result = evaluation(endings=("time", "overspeed"), mean_power=2e6)
     text = summarize(result)[1]

@@ -46,7 +46,7 @@ from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.drivetrain.faults import StuckPitch
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.modes import clamped_modes
-from wt_gym.turbines import PitchSystem, catalogue, load_turbine
+from wt_gym.turbines import PitchSystem, catalog, load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.openfast import compare_with_openfast_io, read_openfast
 from wt_gym.turbines.openfast_text import InputFile
@@ -358,41 +358,14 @@ def test_relay_hands_over_the_demands(tmp_path, monkeypatch):
     np.testing.assert_allclose(swap[[41, 42, 43, 44, 46, 47, 34]], [0.1, 0.2, 0.3, 0.1, 4e4, -0.005, 1.0], rtol=1e-7)
 
 
-FAKE = r"""
-#include <stdlib.h>
-#include <string.h>
-#include <stdio.h>
-static int steps;
-void FAST_AllocateTurbines(int *n, int *error, char *message) { *error = 0; }
-void FAST_Sizes(int *i, char *file, int *fatal, int *count, double *dt, double *dt_out, double *end, int *error,
-                char *message, char *names, double *a, double *b)
-{
-    const char *all[] = {NAMES};
-    int k;
-    *fatal = 4; *count = sizeof(all) / sizeof(*all); *dt = 0.0125; *error = 0;
-    for (k = 0; k < *count; ++k) { memset(names + 20 * k, ' ', 20); memcpy(names + 20 * k, all[k], strlen(all[k])); }
-}
-void FAST_Start(int *i, int *n, int *m, double *in, double *out, int *error, char *message)
-{
-    memset(out, 0, *m * sizeof(double)); out[SPEED] = 12.0; *error = 0;
-}
-void FAST_Update(int *i, int *n, int *m, double *in, double *out, _Bool *over, int *error, char *message)
-{
-    *over = 0; *error = 0; out[SPEED] = 12.0; out[PITCH] = in[4] * 57.29577951308232; ++steps;
-    if (steps > 16 && WAY == 1) { *error = 4; strcpy(message, "the mesh is   broken"); }
-    if (steps > 16 && WAY == 2) { fputs("STOP in a subroutine\n", stdout); fflush(stdout); abort(); }
-    if (steps > 16 && WAY == 3) exit(0);
-}
-"""
-
-
 @pytest.mark.usefixtures("compiler")
 class TestProcess:
     """A library that behaves, reports an error, aborts, or stops."""
 
     @staticmethod
     def simulator(place, way, turbine, **options):
-        source = FAKE.replace("WAY", str(way)).replace("NAMES", ", ".join(f'"{name}"' for name in NAMES))
+        source = (Path(__file__).with_name("data") / "openfast.c").read_text(encoding="utf-8")
+        source = source.replace("WAY", str(way)).replace("NAMES", ", ".join(f'"{name}"' for name in NAMES))
         source = source.replace("SPEED", str(NAMES.index("RotSpeed"))).replace("PITCH", str(NAMES.index("BldPitch1")))
         path, library = place / "fake.c", place / f"fake{way}.so"
         path.write_text(source)
@@ -770,7 +743,7 @@ class TestDriverRuns:
         with pytest.raises(SystemExit, match="must be the file of a turbine that was written here"):
             run_command("loads", [str(paths[0])])
 
-    @pytest.mark.parametrize("name", catalogue())
+    @pytest.mark.parametrize("name", catalog())
     def test_a_turbine_file_gives_the_turbine_back(self, tmp_path, name):
         wanted = load_turbine(name)
         write_turbine(wanted, tmp_path / "turbine.json")

@@ -34,6 +34,7 @@ OUT_OF_OTHER_KIND = {
     "campbell": ["--out", "figure.doc"],
     "compare-controllers": ["--report", "page.pdf"],
     "benchmark": ["archive", "runs", "--out", "entry.zip"],
+    "describe": ["wt_gym/Yaw-v3", "--out", "report.txt"],
     "evaluate": ["--out", "report.html"],
     "loadcases": ["--out", "report.html"],
     "crosscheck": ["baseline", "--out", "report.html"],
@@ -172,8 +173,10 @@ def test_a_stopped_simulation_is_written(number, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr("wt_gym.simulation.Simulator", ScriptedSimulator)
     monkeypatch.setattr("wt_gym.experiment.run.run_baseline", run)
     out = tmp_path / "new" / "run.nc"
-    assert ended(run_command, "simulate", ["--wind-speed", "8", "12", "15", "--out", str(out)]) == 128 + number
-    assert sorted(file.name for file in out.parent.iterdir()) == ["run_12.nc", "run_8.nc"]
+    words = ["--wind-speed", "8", "12", "15", "--out", str(out), "--format", "outb", "nc"]
+    assert ended(run_command, "simulate", words) == 128 + number
+    names = ["run_12.nc", "run_12.outb", "run_8.nc", "run_8.outb"]
+    assert sorted(file.name for file in out.parent.iterdir()) == names
     with xr.open_dataset(out.with_stem("run_12"), engine="h5netcdf") as data:
         assert data.sizes["time"] == 5
     assert "stopped; what was simulated is written" in capsys.readouterr().err
@@ -194,6 +197,7 @@ def test_simulate_looks_for_its_place_before_it_simulates(tmp_path):
         (["--wind-speed", "8", "1e9"], "wind_speed must be numbers from 0 to 50 m/s, got (8.0, 1000000000.0)"),
         (["--turbulent", "--wind-speed", "0"], "with --turbulent, got 0"),
         (["--fidelity", "none"], "got 'none'"),
+        (["--format", "outb"], "--format must come with --out FILE, got outb without"),
     ],
 )
 def test_simulate_refuses_numbers_without_meaning_before_it_prints(words, message, capsys):

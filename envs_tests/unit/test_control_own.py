@@ -21,10 +21,10 @@ from wt_gym.control.rotor import rotor_of
 from wt_gym.control.sensors import SecondOrderLowPass
 from wt_gym.control.stability import check_speed_loop, checked_winds, gust_speed_rise, speed_loop_modes
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.catalogue import turbine_file
+from wt_gym.turbines.catalog import turbine_file
 from wt_gym.wind.iec import turbulence_sigma
 
-CATALOGUE = ("nrel_5mw", "nrel_5mw_monopile", "iea_15mw", "iea_15mw_monopile", "iea_22mw")
+CATALOG = ("nrel_5mw", "nrel_5mw_monopile", "iea_15mw", "iea_15mw_monopile", "iea_22mw")
 
 
 # ---- what the file says ----
@@ -195,8 +195,8 @@ def test_discon_takes_parameters_by_name():
 # ---- the check of the closed loop ----
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
-def test_controllers_of_the_catalogue_pass_the_check(name):
+@pytest.mark.parametrize("name", CATALOG)
+def test_controllers_of_the_catalog_pass_the_check(name):
     turbine = load_turbine(name)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

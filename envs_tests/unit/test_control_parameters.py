@@ -86,6 +86,7 @@ def answers(turbine, choice, **parameters):
             "azimuth": azimuth, "wind_x": wind, "wind_y": 0.0, "yaw_error": 0.25 * math.sin(0.05 * time),
             "nacelle_acceleration_fore_aft": 0.5 * math.sin(2.0 * time),
             "nacelle_acceleration_side_side": 0.3 * math.sin(2.1 * time),
+            "yaw": 0.0, "platform_roll_rate": 0.0, "platform_pitch_rate": 0.02 * math.sin(0.24 * time),
         }  # fmt: skip
         for b in range(turbine.n_blades):
             place = azimuth + 2.0 * math.pi * b / turbine.n_blades
@@ -105,6 +106,7 @@ def answers(turbine, choice, **parameters):
 @pytest.mark.parametrize(("name", "parameter"), NUMBERS, ids=lambda x: getattr(x, "name", x))
 def test_every_parameter_changes_its_controller(name, parameter):
     turbine = ON.get(parameter.name, "nrel_5mw") if name in ("discon", "supervisor") else "nrel_5mw"
+    turbine = "oc4_nrel_5mw" if name == "floating" else turbine
     beside = QUICK if name == "supervisor" and parameter.name != "averaging" else BESIDE.get(parameter.name, {})
     beside = {f"{name}__{key}": value for key, value in beside.items()}
     value = CHOSEN.get(parameter.name) or 0.6 * parameter.default_of(load_turbine(turbine))
@@ -146,6 +148,7 @@ def test_the_command_shows_what_the_controller_of_a_turbine_takes(turbine, capsy
     if turbine == "nrel_5mw":  # NREL/TP-500-38060, table 7-2
         assert (shown["kp"], shown["ki"], shown["region_2_gain"]) == ("0.01883", "0.008069", "2.332")
     values = {"min_pitch": 0.0, "region_3_min_pitch": 0.02, "region_2_gain": 2.0, "thrust_limit": 0.9}
+    values |= {"land_gains": True}
     for parameter in declared_parameters("discon"):
         if parameter.name not in values:
             assert parameter.name in shown

@@ -18,7 +18,7 @@ from wt_gym.control.stability import LEAST_GROWTH, LoopMode, growing_mode, torqu
 from wt_gym.experiment.steady_check import DURATION
 from wt_gym.turbines import ControlData, load_turbine
 
-CATALOGUE = ("nrel_5mw", "nrel_5mw_monopile", "iea_15mw", "iea_15mw_monopile", "iea_22mw")
+CATALOG = ("nrel_5mw", "nrel_5mw_monopile", "iea_15mw", "iea_15mw_monopile", "iea_22mw")
 WIND = 9.0
 
 
@@ -50,8 +50,8 @@ def controllers(turbine):
     return made, TsrTrackingController(made.parameters, alone)
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
-def test_controllers_of_the_catalogue_are_stable_below_rated(name):
+@pytest.mark.parametrize("name", CATALOG)
+def test_controllers_of_the_catalog_are_stable_below_rated(name):
     turbine = load_turbine(name)
     winds = winds_below_rated(turbine)
     assert winds[0] == turbine.cut_in

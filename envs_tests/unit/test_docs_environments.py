@@ -16,7 +16,8 @@ from wt_gym.wind import TurbulenceBox, TurbulentInflow
 from wt_gym.wind.files import write_bts
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-PAGE, TASK_PAGE = ((DOCS / name).read_text(encoding="utf-8") for name in ("environments.md", "tasks/index.md"))
+PAGE = "".join((DOCS / name).read_text(encoding="utf-8") for name in ("environments.md", "episodes.md"))
+TASK_PAGE = (DOCS / "tasks" / "index.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
 TABLES = re.findall(r"^\| `([^`|]+)` \|.*\| ([^|]*) \|$", PAGE, re.MULTILINE)
 TASK_ROWS = re.findall(r"^\| \[`([^`|]+)`\]\((\w+\.md)\) \|.*\| ([^|]*) \|$", TASK_PAGE, re.MULTILINE)
@@ -40,7 +41,7 @@ def left(tmp_path_factory):
 
 
 def test_examples_run(left):
-    grouped, demanded, broken, parked, read, drawn, many, vector, planned, offshore, soil, boundary = left
+    grouped, many, vector, planned, parked, read, drawn, demanded, broken, offshore, soil, boundary = left
     assert boundary["env"].action_space.shape == (1,)
     assert 12.0 < boundary["info"]["wind_speed"] < 16.1  # at the hub
     assert offshore["env"].unwrapped.turbine.tower.support.base_height == -20.0

@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import reward_study as study
+from site_parts import studies
 
 from wt_gym.envs import rewards
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -61,7 +62,7 @@ def test_lifetime_adds_damage_and_averages_power():
 def test_a_table_of_runs_of_todays_controllers(tmp_path):
     words = ["--runs", str(tmp_path), "--controllers", "ipc", "--winds", "16", "--seeds", "1001"]
     runs = study.measured(study.parse_arguments([*words, "--duration", "6", "--skip", "2"]))
-    assert set(study.COST_WEIGHTS) | set(rewards.DEFAULT_WEIGHTS) - {"power_tracking"} <= set(runs)
+    assert set(study.COST_WEIGHTS) | set(rewards.DEFAULT_WEIGHTS) - {"power_tracking", "platform_motion"} <= set(runs)
     assert runs["blade_fatigue"].between(-1.0, -1e-9).all()
     assert runs["power"].between(0.0, 2.0).all()
     change = study.analyze(runs, rewards.DEFAULT_WEIGHTS)["runs"].iloc[0]
@@ -84,11 +85,12 @@ def test_the_default_reward_ranks_the_controllers_as_the_page_states(record):
     lifetimes = record["lifetimes"]
     assert len(lifetimes) == 22
     assert study.against_cost(record["runs"]) <= -0.8
-    for text, weights in (
-        (r"default reward \| \*\*(\S+)\*\*", rewards.DEFAULT_WEIGHTS),
-        (r"earlier weights \| (\S+)", study.FORMER_WEIGHTS),
+    for page, text, weights in (
+        (PAGE, r"correlation of \*\*(\S+)\*\*", rewards.DEFAULT_WEIGHTS),
+        (studies.study("rewards", "correlations"), r"default reward \| (\S+)", rewards.DEFAULT_WEIGHTS),
+        (studies.study("rewards", "correlations"), r"earlier weights \| (\S+)", study.FORMER_WEIGHTS),
     ):
-        stated = float(re.search(text, PAGE)[1].replace("−", "-"))
+        stated = float(re.search(text, page)[1].replace("−", "-"))
         assert stated == pytest.approx(study.against_cost(lifetimes, weights), abs=0.0051)
     for term, load in (
         ("blade_fatigue", "flap"), ("tower_fore_aft_fatigue", "fore_aft"), ("tower_side_side_fatigue", "side_side")

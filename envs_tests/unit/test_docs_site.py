@@ -67,7 +67,17 @@ def text_of(page):
 @needs_docs
 class TestSite:
     def test_pages_are_there(self, site):
-        for page in ("index", "quickstart", "tutorials/first_agent", "theory", "validation", "changelog"):
+        for page in (
+            "index",
+            "learn",
+            "bring",
+            "check",
+            "studies/tasks",
+            "tutorials/first_agent",
+            "theory",
+            "validation",
+            "changelog",
+        ):
             assert (site / f"{page}.html").stat().st_size > 5000
         assert wt_gym.__version__ in (site / "index.html").read_text(encoding="utf-8")
 

@@ -27,7 +27,8 @@ SINGLES = (
     "pitch_rate", "pitch_demand", "pitch_2", "pitch_rate_3", "pitch_demand_1", "tip_in_plane_tilt",
     "root_edge_moment_yaw", "tower_base_side_side_moment",
 )  # fmt: skip
-CHOICE = (*OBSERVATION_GROUPS, *SINGLES)
+AFLOAT = "platform", "platform_position", "wave"
+CHOICE = (*(group for group in OBSERVATION_GROUPS if group not in AFLOAT), *SINGLES)
 LINEAR = LinearOptimalPitch.of_turbine(TURBINE)
 CONTROLLER = make_controller("discon+linear_pitch+yaw+supervisor", TURBINE)
 SUPERVISOR = SimpleNamespace(state_index=2, mean_wind=9.5, set_point=0.9, load=0.4)

@@ -33,7 +33,7 @@ from wt_gym.control.controllers.linear_optimal import LinearDesign, save_design
 from wt_gym.deployment.export.discon import export_discon
 from wt_gym.deployment.export.parts import controller_parts
 from wt_gym.turbines import load_turbine
-from wt_gym.turbines.catalogue import turbine_file
+from wt_gym.turbines.catalog import turbine_file
 from wt_gym.turbines.openfast_text import InputFile
 
 pytestmark = pytest.mark.usefixtures("compiler")

@@ -15,16 +15,17 @@ BASE = frozenset({"base", "tasks", "turbine_records"})
 """Modules beside the rooms, which any room may use and which use none."""
 
 KNOWS = {
-    "turbines": set(),
+    "hydrodynamics": set(),
+    "turbines": {"hydrodynamics"},
     "wind": set(),
     "structure": {"turbines"},
     "multibody": {"structure"},
     "aerodynamics": set(),
-    "simulation": {"turbines", "wind", "structure", "multibody", "aerodynamics"},
+    "simulation": {"turbines", "hydrodynamics", "wind", "structure", "multibody", "aerodynamics"},
     "control": {"turbines", "wind", "simulation"},
-    "bridges": {"turbines", "wind", "simulation", "control"},
+    "bridges": {"turbines", "hydrodynamics", "wind", "simulation", "control"},
     "analysis": {"turbines", "wind", "simulation", "control"},
-    "envs": {"turbines", "wind", "simulation", "control", "bridges", "analysis"},
+    "envs": {"turbines", "hydrodynamics", "wind", "simulation", "control", "bridges", "analysis"},
     "experiment": {"turbines", "wind", "simulation", "control", "bridges", "analysis", "envs"},
     "deployment": {
         "turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "experiment",
@@ -34,7 +35,7 @@ KNOWS = {
         "deployment",
     },
     "commands": {
-        "turbines", "wind", "multibody", "simulation", "control", "bridges", "analysis", "envs",
+        "turbines", "hydrodynamics", "wind", "multibody", "simulation", "control", "bridges", "analysis", "envs",
         "experiment", "deployment", "learning",
     },
     "__main__": {"commands"},

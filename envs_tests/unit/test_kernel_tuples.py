@@ -5,6 +5,7 @@ import numpy as np
 from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, ellipsoid_body
 from wt_gym.aerodynamics.bodies.body_set import BodySet
 from wt_gym.aerodynamics.induction.tree_induction import make_block, make_tree
+from wt_gym.hydrodynamics import PlatformLoads, load_platform
 from wt_gym.simulation.turbine_structure import sub_body_points
 from wt_gym.structure.beam import BeamSections
 from wt_gym.structure.substructure import cut_beam
@@ -36,7 +37,7 @@ def tuples():
     made = lattice()
     found, waiting = [], [
         made.arrays, made.work, made.new_state().arrays, *made.body_arrays, make_tree(8, 1, 8, 32), make_block(),
-        blade_nodes(),
+        blade_nodes(), PlatformLoads(load_platform("oc4_semi"), 0.1).arrays,
     ]  # fmt: skip
     while waiting:
         one = waiting.pop()
@@ -60,7 +61,7 @@ def wrong_fields(one):
 def test_arrays_of_kernels_have_the_declared_types():
     found = tuples()
     assert {type(one).__name__ for one in found} >= {
-        "AeroArrays", "AeroWork", "Block", "BodyArrays", "BodyWork", "SubBodyNodes", "PlanformArrays", "RingWork",
-        "Tree",
+        "AeroArrays", "AeroWork", "Block", "BodyArrays", "BodyWork", "SubBodyNodes", "PlanformArrays", "PlatformArrays",
+        "RingWork", "Tree",
     }  # fmt: skip
     assert {type(one).__name__: wrong for one in found if (wrong := wrong_fields(one))} == {}

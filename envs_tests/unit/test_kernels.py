@@ -340,7 +340,7 @@ def test_tip_deflection_does_not_see_the_pitch():
 
 
 Work = namedtuple("Work", ["r", "rot"])
-Signals = namedtuple("Signals", ["wrench", "nacelle", "hub", "nacelle_acceleration"])
+Signals = namedtuple("Signals", ["wrench", "nacelle", "hub", "nacelle_acceleration", "tower_moves"])
 Places = namedtuple("Places", ["tower", "azimuth_q", "azimuth_u", "torsion_q", "torsion_u", "gear_ratio"])
 AT = np.arange(1, 1 + len(SINGLE) + len(PER_BLADE))
 
@@ -349,18 +349,26 @@ def read(values, *places):
     return [values[AT[place]] for place in places]
 
 
-def test_tower_signals_turn_with_the_nacelle():
-    """A push along the heading bends the tower fore-aft, one to its left side-side, whatever the heading."""
+@pytest.mark.parametrize("tilt", [None, (0.0, 0.0, 0.0), (0.8, 0.1, -0.2)])
+def test_tower_signals_turn_with_the_nacelle(tilt):
+    """A push along the heading bends the tower fore-aft, one to its left side-side, whatever the heading.
+
+    On a floater that is tilted and away from its place the signals are the same, seen from the base of the tower.
+    """
     places = Places(0, 0, 0, -1, -1, 97.0)
+    base = Rotation.from_euler("ZYX", [0.0, 0.0, 0.0] if tilt is None else tilt)
+    foot = np.zeros(3) if tilt is None else np.array([4.0, -2.0, 10.0])
     for heading in (0.0, 0.5, 2.5):
         forward = np.array([np.cos(heading), np.sin(heading), 0.0])
         left = np.array([-np.sin(heading), np.cos(heading), 0.0])
         push = 3e5 * forward + 1e5 * left
         moment = np.cross([0.0, 0.0, 80.0], push)
-        rot = Rotation.from_euler("ZY", [heading, -0.1]).as_matrix()[None]
-        work = Work((0.4 * forward + 0.1 * left + [0.0, 0.0, 80.0])[None], rot)
+        nacelle = base * Rotation.from_euler("ZY", [heading, -0.1])
+        top = foot + base.apply(0.4 * forward + 0.1 * left + [0.0, 0.0, 80.0])
+        work = Work(np.array([foot, top]), np.array([base.as_matrix(), nacelle.as_matrix()]))
         # what the foundation does to the tower keeps it up: minus what the push does
-        gauges = Signals(np.concatenate([-push, -moment])[None], 0, 0, np.array([0.3, 0.2, 0.1]))
+        wrench = np.array([np.concatenate([-push, -moment]), np.zeros(6)])
+        gauges = Signals(wrench, 1, 0, np.array([0.3, 0.2, 0.1]), tilt is not None)
         values = np.zeros(len(AT) + 1)
         _tower(work, gauges, places, values, AT)
         found = read(values, TOWER_TOP_FORE_AFT, TOWER_TOP_SIDE_SIDE, TOWER_BASE_FORE_AFT, TOWER_BASE_SIDE_SIDE)
@@ -369,6 +377,6 @@ def test_tower_signals_turn_with_the_nacelle():
 
 def test_speed_of_the_rotor_is_that_of_both_ends_of_the_shaft():
     values = np.zeros(len(AT) + 1)
-    gauges = Signals(np.zeros((1, 6)), 0, 0, np.zeros(3))
+    gauges = Signals(np.zeros((1, 6)), 0, 0, np.zeros(3), False)
     _rotor(np.array([0.2, 0.1, 1.2, 0.05]), gauges, Places(0, 0, 2, 1, 3, 97.0), values, AT)
     assert read(values, ROTOR_SPEED, ROTOR_SPEED + 1, ROTOR_SPEED + 2) == pytest.approx([1.25, 0.3, 1.2 * 97.0])

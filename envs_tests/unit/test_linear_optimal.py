@@ -598,7 +598,7 @@ def test_the_mirror_image_is_pitched_alike(turbine):
     np.testing.assert_allclose(image, one, atol=1e-12)
 
 
-def test_names_and_files_of_the_catalogue(turbine, tmp_path):
+def test_names_and_files_of_the_catalog(turbine, tmp_path):
     path = tmp_path / "mine.npz"
     save_design(made_design(), path)
     controller = make_controller(f"linear_optimal:file={path},gain=0.5", turbine)

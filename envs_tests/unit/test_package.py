@@ -172,12 +172,14 @@ def test_it_takes_no_names_but_its_own(installed):
 
 
 @pytest.mark.slow
-def test_the_blocks_of_readme_and_quick_start_run(installed):
-    pages = {page: (ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/quickstart.md")}
+def test_the_blocks_of_readme_and_first_pages_run(installed):
+    pages = {
+        page: (ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/learn.md", "docs/check.md")
+    }
     blocks = {page: re.findall(r"```python\n(.*?)```", text, re.DOTALL) for page, text in pages.items()}
     assert all(blocks.values())
     python, folder = installed / "venv" / "bin" / "python", installed / "work"
     for block in (block for found in blocks.values() for block in found):
         used = block if "import " in block else IMPORTS + block
         succeeds(python, "-c", used, folder=folder)  # the first one compiles all kernels
-    assert (folder / "run.nc").is_file()  # of the block "Without Gymnasium"
+    assert (folder / "run.nc").is_file()  # of docs/check.md

@@ -513,7 +513,11 @@ def test_a_pretraining_needs_ppo_and_a_training_steps():
 
 
 PITCH_OFFSETS = [
-    task.id for task in TASKS.values() if task.arguments["inflow"] == "turbulent" and "pitch" in task.arguments
+    task.id
+    for task in TASKS.values()
+    if task.arguments["inflow"] == "turbulent"
+    and "pitch" in task.arguments
+    and not task.id.startswith(("wt_gym/OC4", "wt_gym/VolturnUS"))  # no design is shipped
 ]
 
 

@@ -85,6 +85,15 @@ def test_outb_is_read_by_the_reader_of_openfast(tmp_path, data):
     check(dict(zip(names, table.T, strict=True)), dict(zip(names, info["attribute_units"], strict=True)))
 
 
+def test_outb_is_read_by_openfast_toolbox(tmp_path, data):
+    reader = pytest.importorskip("openfast_toolbox.io.fast_output_file")
+    write_recording(tmp_path / "run.outb", data)
+    table = reader.FASTOutputFile(str(tmp_path / "run.outb")).toDataFrame()
+    heads = [column.rpartition("_") for column in table.columns]
+    values = dict(zip((name for name, *_ in heads), table.values.T, strict=True))
+    check(values, {name: unit.strip("[]") for name, _, unit in heads})
+
+
 def test_csv_has_every_signal_in_si_units(tmp_path, data):
     write_recording(tmp_path / "run.csv", data)
     head, *rows = (tmp_path / "run.csv").read_text(encoding="utf-8").splitlines()

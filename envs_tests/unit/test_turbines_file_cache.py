@@ -13,7 +13,7 @@ from wt_gym.simulation.contract import fingerprint
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines import windio_file as file_cache
 from wt_gym.turbines import windio_file as source
-from wt_gym.turbines.catalogue import turbine_file
+from wt_gym.turbines.catalog import turbine_file
 
 CONTENT = b"name: a turbine"
 DATA = {"name": "a", "numbers": [1, 2.5, -1e-30, 0.1 + 0.2], "deep": {"none": None, "yes": True}}

@@ -15,7 +15,7 @@ import pytest
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import BeamStations, inertia_matrix
-from wt_gym.turbines.catalogue import turbine_file
+from wt_gym.turbines.catalog import turbine_file
 
 LENGTH = 40.0
 
@@ -423,6 +423,16 @@ def test_spikes_of_stiffness_are_refused(place, factor, refused):
     stiffness[place, 4, 4] *= factor
     with pytest.raises(TurbineDefinitionError, match="neighbors") if refused else nullcontext():
         BeamStations(np.arange(5.0), stiffness, np.array([np.eye(6)] * 5))
+
+
+def test_floating_platforms_are_refused(tmp_path):
+    """A file has neither added mass nor wave forces of its platform."""
+    data = small_turbine()
+    data["components"]["floating_platform"] = {"joints": [], "members": []}
+    with pytest.raises(
+        TurbineDefinitionError, match=r"components\.floating_platform must be absent: .* OpenFAST model"
+    ):
+        load_turbine(save(data, tmp_path))
 
 
 UNIT = np.array([np.eye(6)] * 2)

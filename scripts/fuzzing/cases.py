@@ -144,6 +144,7 @@ def _drawn_action(turbine: Turbine, has_table: bool, policy: str, rng: np.random
         {"disturbances", "own_response", "model_fit", "supervisor", "power_reference", "power_forecast", "dial"}
         | ({"dead_band"} if "yaw" not in beneath else set())
         | (set() if has_table else {"wind_estimate"})
+        | (set() if turbine.floater is not None else {"platform", "platform_position", "wave"})
     )
     groups = [name for name in OBSERVATION_GROUPS if name not in absent]
     if policy == "controller":  # which acts itself, on all that there is

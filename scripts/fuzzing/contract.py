@@ -163,7 +163,7 @@ class Contract:
         require(info["rotor_speed_max"] >= slowest, "rotor_speed_max is less than rotor_speed")
         least, present = min(signals.tip_clearance_min.tolist()), min(signals.tip_clearance.tolist())
         require(info["tip_clearance_min"] == least, "info tip_clearance_min is not that of the signals")
-        require(least <= present + 1e-6, f"tip_clearance_min is {least}, the present clearance {present} m")
+        require(least <= present + 1e-6, f"tip_clearance_min is {least}, the current clearance {present} m")
         size = env.turbine.rotor_diameter + env.turbine.hub_height
         require(-size < least and present < size, f"clearance {least}, {present} m is beyond the size of the turbine")
         if self._steps:

@@ -1,7 +1,6 @@
 """The ceiling of a task of the benchmark: the score where the wind is known.
 
     python scripts/studies/ceiling.py --task load-reduction --winds 3
-    python scripts/studies/ceiling.py --task --page docs/benchmark.md      # the table of all ceilings alone
 
 Writes wt_gym/experiment/benchmark_data/ceilings/NAME.json. `make_ceiling` identifies the plant in training winds
 and learns offsets in the winds of the task (`ceiling_oracle`). Every run is stored.
@@ -29,7 +28,7 @@ from wt_gym.base.files import write_text_whole
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.commands.benchmark import KEPT, chosen
 from wt_gym.commands.options import WORKERS, add_shared, executor_of
-from wt_gym.commands.program import OneLineParser, file_ending_in, stoppable, user_errors
+from wt_gym.commands.program import OneLineParser, stoppable, user_errors
 from wt_gym.control.controllers import Combined, lidar_of
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, PitchOffsets
 from wt_gym.envs.layout import layout_of
@@ -40,12 +39,11 @@ from wt_gym.experiment.benchmark import (
     BenchmarkRun,
     ResultFolder,
     entry_of,
-    into_page,
     play_task,
     run_jobs,
     task_fingerprint,
 )
-from wt_gym.experiment.benchmark_tasks import Ceiling, ceiling_file, ceiling_of
+from wt_gym.experiment.benchmark_tasks import Ceiling, ceiling_file
 from wt_gym.experiment.execute import SerialExecutor
 from wt_gym.experiment.names import BASELINE, RESIDUAL_INTERFACE
 from wt_gym.experiment.store import described
@@ -356,22 +354,17 @@ def main() -> None:
     parser.add_argument("--winds", type=int, default=3, metavar="N", help="of each speed (default: %(default)s)")
     parser.add_argument("--duration", type=float, metavar="S", help="of a run (default: the task's)")
     parser.add_argument("--passes", type=int, default=3, metavar="N", help="runs with offsets (default: %(default)s)")
-    parser.add_argument("--page", type=file_ending_in(".md"), metavar="FILE", help="put the table into this page")
     parser.add_argument("--out", type=Path, default=Path(KEPT), metavar="DIR", help="runs (default: %(default)s)")
     add_shared(parser, *WORKERS)
     arguments = parser.parse_args()
     oracle = OracleOptions(passes=arguments.passes)
     options = CeilingOptions(winds=arguments.winds, duration=arguments.duration, oracle=oracle)
-    with user_errors(), stoppable("the same command resumes with the runs that are stored"):
-        with executor_of(arguments) as executor:
-            for task in chosen(arguments.task):
-                ceiling = make_ceiling(task, arguments.out, options, executor, partial(print, file=sys.stderr))
-                path = write_ceiling(ceiling, ceiling_file(task))
-                print(f"{task.id}: with the wind known an improvement of {100 * ceiling.improvement:.2f} % ({path})")
-        if arguments.page is not None:
-            ceilings = {task.id: ceiling for task in chosen(["all"]) if (ceiling := ceiling_of(task)) is not None}
-            page = arguments.page.read_text(encoding="utf-8")
-            write_text_whole(arguments.page, into_page(ceiling_table(ceilings), page, "ceilings"))
+    stopped = stoppable("the same command resumes with the runs that are stored")
+    with user_errors(), stopped, executor_of(arguments) as executor:
+        for task in chosen(arguments.task):
+            ceiling = make_ceiling(task, arguments.out, options, executor, partial(print, file=sys.stderr))
+            path = write_ceiling(ceiling, ceiling_file(task))
+            print(f"{task.id}: with the wind known an improvement of {100 * ceiling.improvement:.2f} % ({path})")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
     python scripts/studies/fault_study.py run      # all faults, ten minutes on a free core
     python scripts/studies/fault_study.py run --conditions fault-dead-moment    # the others keep theirs
-    python scripts/studies/fault_study.py pages    # put the table into docs/tasks/faults.md
 
 Runs are kept in the folder as soon as they are done, the record in docs/data/fault_study.json. The gain is that of the
 load-reduction tasks of the benchmark, over `discon` in the same fault and wind; what is kept is its share of the gain
@@ -15,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from study_pages import DATA, ROOT, STEADY, TASK_PAGES, TRAINED, markdown, percent, read_json, renew, with_runs
+from study_pages import DATA, ROOT, STEADY, TRAINED, markdown, percent, read_json, with_runs
 
 from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.files import write_text_whole
@@ -26,7 +25,7 @@ from wt_gym.experiment.run import benchmark_metrics
 from wt_gym.tasks import DEFAULT_ENV
 from wt_gym.turbines import load_turbine
 
-RECORD, PAGE = DATA / "fault_study.json", TASK_PAGES / "faults.md"
+RECORD = DATA / "fault_study.json"
 REFERENCE, FLAP = "discon", "blade_flap_del"
 AGENTS = {name: name for name in (REFERENCE, "linear_optimal", "linear_optimal+fault_supervisor")}
 AGENTS["faults"] = str(TRAINED / "faults")
@@ -107,19 +106,15 @@ def table(record: dict) -> str:
 
 
 def main(words: list[str] | None = None) -> int:
-    """Measure, or renew the page."""
+    """Measure, or show the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("command", choices=("run", "pages", "show"))
+    parser.add_argument("command", choices=("run", "show"))
     parser.add_argument("--folder", type=Path, default=ROOT / "runs" / "faults", help="of the runs")
     parser.add_argument("--conditions", nargs="+", default=[], metavar="NAME", help="as of wt-gym robustness --list")
     arguments = parser.parse_args(words)
     if arguments.command == "run":
         run(arguments.folder, arguments.conditions)
-    text = table(read_json(RECORD))
-    if arguments.command == "pages":
-        renew(PAGE, {"fault study": lambda _: text})
-    else:
-        print(text)
+    print(table(read_json(RECORD)))
     return 0
 
 

@@ -226,7 +226,7 @@ def sentence(task: str, rows: list[dict[str, float | str]], runs: list[dict]) ->
     """The sentence of a page."""
     own = [row for row in rows if row["task"] == task]
     winds = {row["wind"]: row for row in own if "wind" in row}
-    start = "Bound ([how](../benchmark.md#bounds-of-power)): "
+    start = "Bound ([how](../studies/benchmark.md#bounds-of-power)): "
 
     def mean(agent: str, key: str) -> float:
         """Mean over these winds."""

@@ -1,7 +1,7 @@
 """Do the rewards pay for what users want? Reward terms against loads, power and a lifetime cost over many controllers.
 
     python scripts/studies/reward_study.py                          # tables and figure
-    python scripts/studies/reward_study.py --runs runs/rewards      # a table of runs of the present controllers
+    python scripts/studies/reward_study.py --runs runs/rewards      # a table of runs of the current controllers
     python scripts/studies/reward_study.py --weights power=1 blade_fatigue=0.8 tower_fore_aft_fatigue=0.4
 
 The rate of every reward term at weight 1, averaged over a run, stands beside the damage-equivalent loads, the power and
@@ -64,8 +64,8 @@ FORMER_WEIGHTS = {
 }  # fmt: skip
 """The reward of the first version, of which only the record has the term of the power."""
 _LABELS = ["controller", "wind_speed", "seed"]
-_OF_A_DEMAND = ("power_tracking",)
-"""Terms that need a power reference, which no run of the study has."""
+_OF_OTHERS = ("power_tracking", "platform_motion")
+"""Terms that need a power reference or a platform, which no run of the study has."""
 
 
 def parse_arguments(words: list[str] | None = None) -> argparse.Namespace:
@@ -88,7 +88,7 @@ def measured(arguments: argparse.Namespace) -> pd.DataFrame:
     most = load_turbine("nrel_5mw").drivetrain.max_torque_rate
     config = EvaluationConfig(
         "wt_gym/NREL5MW-Turbulent-v1",
-        {**RESIDUAL_INTERFACE, "reward": {name: float(name not in _OF_A_DEMAND) for name in rewards.DEFAULT_WEIGHTS}},
+        {**RESIDUAL_INTERFACE, "reward": {name: float(name not in _OF_OTHERS) for name in rewards.DEFAULT_WEIGHTS}},
         tuple(Wind(wind, seed) for seed in arguments.seeds for wind in arguments.winds),
         duration=arguments.duration, skip=arguments.skip, replay=0.0,
     )  # fmt: skip
@@ -147,12 +147,12 @@ def weighted(table: pd.DataFrame, weights: Mapping[str, float]) -> pd.Series:
 def task_weights() -> dict[str, dict[str, float]]:
     """Weights of the reward of each task that changes them and is in the study's operation.
 
-    That is turbulence of one mean, without a power that is demanded from outside.
+    That is turbulence of one mean, on the ground, without a power that is demanded from outside.
     """
     changes = {
         name: task.arguments.get("reward", {})
         for name, task in TASKS.items()
-        if task.arguments["inflow"] == "turbulent" and "power_reference" not in task.arguments
+        if task.arguments["inflow"] == "turbulent" and not task.arguments.keys() & {"power_reference", "sea"}
     }
     return {name: rewards.DEFAULT_WEIGHTS | changed for name, changed in changes.items() if changed}
 

@@ -144,14 +144,14 @@ def _settled(simulator: Simulator, speed: float, pitch: float) -> tuple[float, f
 def main() -> None:
     """Run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("turbine", help="name in the catalogue or path of a windIO file")
+    parser.add_argument("turbine", help="name in the catalog or path of a windIO file")
     places = parser.add_mutually_exclusive_group(required=True)
     places.add_argument("output", type=Path, nargs="?", help="JSON file to write")
-    places.add_argument("--record", action="store_true", help="write into the record of a turbine of the catalogue")
+    places.add_argument("--record", action="store_true", help="write into the record of a turbine of the catalog")
     parser.add_argument("--fidelity", help=FIDELITIES_HELP)
     arguments = parser.parse_args()
     if arguments.record and arguments.turbine not in RECORDS:
-        parser.error(f"--record needs a name of the catalogue ({', '.join(RECORDS)}), got {arguments.turbine!r}")
+        parser.error(f"--record needs a name of the catalog ({', '.join(RECORDS)}), got {arguments.turbine!r}")
     turbine = load_turbine(arguments.turbine)
     table = measure_rotor(
         turbine, arguments.fidelity, lambda done, count: print(f"{done} of {count} pitches", flush=True)

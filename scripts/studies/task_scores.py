@@ -136,6 +136,7 @@ _FLAP, _FORE_AFT, _SIDE = (
     for name, label in (("blade_flap", "flap"), ("tower_fore_aft", "fore-aft"), ("tower_side_side", "side-side"))
 )
 _TRAVEL = Column("pitch_travel", "pitch travel", "level")
+_FLOATING = (_FORE_AFT, _FLAP, Column("platform_pitch_std", "platform pitch, standard deviation", "change"))
 _LOADS = (_ENERGY, _FLAP, _FORE_AFT, _SIDE, _TRAVEL)
 _EXTREMES = (
     Column("blade_flap_max", "largest flap moment", "most"),
@@ -147,6 +148,12 @@ STORM_CONTROLLER = "linear_optimal+supervisor:averaging=60,least_speed=1,least_p
 """Controller of FullOperation that holds rated speed and power up to a cut-out at 30 m/s."""
 _PROMPT = "discon+yaw:dead_band=0.14,stop=0.1,slow=10,fast=2"
 """Dead band that starts earlier and turns less far, with the travel of the default."""
+_SHORT = (
+    "corrected_power", "blade_flap_del", "tower_fore_aft_del", "pitch_travel", "tracking_rms", "yaw_error_rms",
+    "yaw_travel", "blade_flap_max", "tower_base_max", "rotor_speed_max",
+)  # fmt: skip
+"""Columns of the table of a page, in which there is room for four."""
+_ROWS = 8
 _LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP, _FORE_AFT, _SIDE))
 
 STUDIES: dict[str, Study] = {
@@ -239,6 +246,23 @@ STUDIES: dict[str, Study] = {
          _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
         duration=150.0,
     ),
+    "OC4-FloatingLoadReduction": Study(
+        "OC4-FloatingLoadReduction",
+        ("discon", "discon:constant_power=True", "discon:land_gains=True", "floating:land_gains=True",
+         "floating:share=8.0", "rosco:floating=0", "rosco:floating=2", RANDOM),
+        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
+        _FLOATING,
+        duration=690.0,
+        skip=90.0,
+    ),
+    "VolturnUS-FloatingLoadReduction": Study(
+        "VolturnUS-FloatingLoadReduction",
+        ("discon", "floating", "rosco:floating=2", RANDOM),
+        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
+        _FLOATING,
+        duration=390.0,
+        skip=90.0,
+    ),
     "Dial": Study(
         "Dial",
         (_BASE, "discon", RANDOM, "linear_optimal", f"{_TRAINED}dial"),
@@ -258,7 +282,7 @@ STUDIES: dict[str, Study] = {
         duration=110.0,
     ),
 }  # fmt: skip
-"""What the pages of the tasks show, by the name of the table."""
+"""What docs/studies/tasks.md and in short the pages of the tasks show, by the name of the table."""
 
 
 def agent_label(agent: str, resting: bool = False) -> str:
@@ -331,7 +355,7 @@ def _kept(run: Run, part: Part, study: Study) -> dict[str, Any]:
     }
 
 
-def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
+def score_table(name: str, runs: Sequence[Mapping[str, Any]], short: bool = False) -> str:
     """Table of a study, Markdown.
 
     The return is that of an episode as long as those of the task, as the environment gives it: against the base
@@ -344,8 +368,12 @@ def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
         Of `STUDIES`.
     runs : sequence of mapping
         As `measure` gives them.
+    short : bool
+        For a page: at most six columns, and eight rows.
     """
     study, by_agent = STUDIES[name], {}
+    columns = [column for column in study.columns if column.key in _SHORT][:4] if short else study.columns
+    agents = [agent for agent in study.agents if not short or len(study.agents) <= _ROWS or agent != RANDOM]
     for run in runs:
         by_agent.setdefault(run["agent"], {})[run["part"], run["wind"]] = run
     base = by_agent[study.agents[0]]
@@ -358,12 +386,12 @@ def score_table(name: str, runs: Sequence[Mapping[str, Any]]) -> str:
             * (lasting if run["ending"] == "time" else 1.0)
             for wind, run in own.items()
         ]
-        cells = [_cell(study, column, own, base, first) for column in study.columns]
-        survived = sum(run["ending"] == "time" for run in own.values())
-        return [agent_label(agent, first), *cells, signed(np.mean(returns), 1), f"{survived} of {len(own)}"]
+        cells = [_cell(study, column, own, base, first) for column in columns]
+        survived = [] if short else [f"{sum(run['ending'] == 'time' for run in own.values())} of {len(own)}"]
+        return [agent_label(agent, first), *cells, signed(np.mean(returns), 1), *survived]
 
-    headings = ("", *(column.heading for column in study.columns), "return of an episode", "survived")
-    return markdown(headings, [row(agent) for agent in study.agents])
+    headings = ("", *(column.heading for column in columns), "return", *([] if short else ["survived"]))
+    return markdown(headings, [row(agent) for agent in agents])
 
 
 def _cell(study: Study, column: Column, own: Mapping[Any, Any], base: Mapping[Any, Any], first: bool) -> str:
@@ -447,17 +475,13 @@ def tables(text: str, record: dict) -> str:
 
     def scores(name: str) -> str:
         study = record[name]
-        earlier = "" if study["env_id"] == STUDIES[name].env_id else ", an earlier version of the task"
+        survived = sum(run["ending"] == "time" for run in study["runs"])
         return (
-            f"Measured in `{study['env_id']}`{earlier}; the return is against the first row in the same wind, as the "
-            f"environment gives it.\n\n{score_table(name, study['runs'])}"
+            f"Measured in `{study['env_id']}`; the return of an episode is against the first row in the same wind. "
+            f"{survived} of {len(study['runs'])} runs survive.\n\n{score_table(name, study['runs'], short=True)}"
         )
 
-    def kinds(words: str) -> str:
-        name, key = words.split()
-        return kinds_table(name, key, record[name]["runs"])
-
-    return filled(text, {"scores": scores, "kinds": kinds})
+    return filled(text, {"scores": scores})
 
 
 def main() -> int:

@@ -4,8 +4,9 @@
     python scripts/studies/validation_pictures.py --run all            # run the cases first, some minutes
     python scripts/studies/validation_pictures.py --run uae-phase-vi   # run some of them first
 
-A run replaces the curves of its own case in the file. The bars of the cases come from docs/data/validation.json. All
-reference data are in the repository.
+Steady states of docs/data/steady_states.json are those that ``wt-gym simulate --json`` prints. A run of a case replaces
+its curves in the file. The bars of the cases come from docs/data/validation.json. All reference data are in the
+repository.
 """
 
 import argparse
@@ -18,13 +19,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from study_pages import DATA, read_json, save_svg, write_entries
+from study_pages import DATA, ROOT, read_json, save_svg, write_entries
 
 from envs_tests.physics.validation import Figure as CaseFigure
 from envs_tests.physics.validation import bounds_of, load_cases, read_record, run_case
 from wt_gym.base.picture_style import BLUE, COLORS, GRAY, GREEN, INK, LINE_STYLES, ORANGE, plain
 
-CURVES, RECORD = "validation_figures.json", "validation.json"
+CURVES, RECORD, STEADY = "validation_figures.json", "validation.json", "steady_states.json"
+PUBLISHED = ROOT / "envs_tests" / "physics" / "data"
+QUANTITIES = {"rotor speed [rpm]": 1.0, "pitch [deg]": 1.0, "power [MW]": 1e-3, "thrust [kN]": 1.0}
+"""Panels of the steady states with the factors of their data."""
 MOST_POINTS = 240  # of a curve
 PICTURES = {
     "validation_rotor": (
@@ -222,6 +226,53 @@ def draw_cases(cases):
     return figure
 
 
+def steady_states(folder, record):
+    """Steady states by turbine and source: wind, then `QUANTITIES` (5, n); a thrust with the rotor's weight is nan."""
+    runs = read_json(folder / STEADY)
+    found = {name: dict(zip(one, map(np.array, one.values()), strict=True)) for name, one in runs.items()}
+    openfast = np.genfromtxt(PUBLISHED / "nrel5mw_openfast.csv", delimiter=",", skip_header=4)
+    found["NREL 5-MW"]["OpenFAST"] = openfast[:, [0, 1, 2, 3, 4]].T
+    fast = np.genfromtxt(PUBLISHED / "nrel5mw_steady_state.csv", delimiter=",", skip_header=6)
+    power = np.minimum(0.944 * fast[:, 3], 5000.0)
+    found["NREL 5-MW"]["FAST, published"] = np.array([*fast[:, :3].T, power, np.full(len(fast), np.nan)])
+    published = np.genfromtxt(PUBLISHED / "iea22mw_steady.csv", delimiter=",", skip_header=4)
+    table = re.findall(r"^\| \d.*$", record["iea22-steady"]["notes"], re.MULTILINE)
+    rows = [re.findall(r"(?<=\| )[-+]?[\d.]+", line) for line in table]
+    own = np.array(rows, dtype=float)[:, [0, 1, 4, 10, 7]].T * np.array([1.0, 1.0, 1.0, 1e3, 1.0])[:, None]
+    both = {name: published[:, [0, k, k + 1, k + 3, k + 2]].T for name, k in (("OpenFAST", 1), ("HAWC2", 6))}
+    found["IEA 22-MW"] = {"wt_gym": own} | {
+        f"{name}, published": values * np.array([1.0, 1.0, 1.0, 1e3, 1.0])[:, None] for name, values in both.items()
+    }
+    return found
+
+
+def draw_steady(states):
+    """Rotor speed, pitch, power and thrust over the wind: a column a turbine, a line a source."""
+    figure = Figure(figsize=(9.2, 9.6), layout="constrained")
+    grid = figure.subplots(len(QUANTITIES), len(states), sharex=True)
+    styles = {
+        "wt_gym": "o",
+        "OpenFAST": "-",
+        "OpenFAST, published": "-",
+        "HAWC2, published": "--",
+        "FAST, published": "--",
+    }
+    for column, (turbine, sources) in enumerate(states.items()):
+        for row, (quantity, factor) in enumerate(QUANTITIES.items()):
+            axes = grid[row, column]
+            plain(axes, "wind [m/s]" if row == len(QUANTITIES) - 1 else "", quantity if column == 0 else "", "")
+            for name, values in sources.items():
+                own = name == "wt_gym"
+                axes.plot(
+                    values[0], factor * values[row + 1], styles[name], label=name, markersize=3.5, linewidth=1.2,
+                    color=BLUE if own else ORANGE if styles[name] == "-" else INK, zorder=3 if own else 2,
+                )  # fmt: skip
+            axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+        grid[0, column].set_title(turbine, fontsize=10)
+        grid[0, column].legend(fontsize=7, frameon=False, loc="lower right")
+    return figure
+
+
 def draw(folder):
     """Draw all pictures whose data are there; gives their paths."""
     figures = {}
@@ -232,6 +283,8 @@ def draw(folder):
             figures[name] = draw_panels(shown)
     if record:
         figures["validation_cases"] = draw_cases(record)
+    if "iea22-steady" in record and (folder / STEADY).exists():
+        figures["validation_steady"] = draw_steady(steady_states(folder, record))
     paths = [save_svg(figure, folder / f"{name}.svg") for name, figure in figures.items()]
     for path in paths:  # hundredths of a point are enough
         text = path.read_text(encoding="utf-8")

@@ -416,9 +416,9 @@ class VortexLattice:
             the state cannot be marched.
         wake_thrust : float, optional
             Mean thrust of the rotor over the time in which the wake was shed [N], where loads change: the wake then has
-            circulation in the proportion of that thrust to the present one, the mean of the blades. Rows younger than a
-            quarter of a turn keep the present circulation of their own blade, in a share that falls with their age.
-            Where the present thrust is less than a fifth of the earlier one, the wake stays its own.
+            circulation in the proportion of that thrust to the current one, the mean of the blades. Rows younger than a
+            quarter of a turn keep the current circulation of their own blade, in a share that falls with their age.
+            Where the current thrust is less than a fifth of the earlier one, the wake stays its own.
 
         Returns
         -------

@@ -81,6 +81,9 @@ METRICS: dict[str, Metric] = {
     "time_at_standstill": Metric("Time at less than a tenth of rated rotor speed", "%", 100.0, -1, 1),
     "torque_rate": Metric("Generator torque rate, root mean square", "kN m/s", 1e-3, -1, 2),
     "limits_violated": Metric("Runs beyond a cost limit", "%", 100.0, -1, 1),
+    "platform_pitch_mean": Metric("Platform pitch, mean", "deg", 180 / np.pi, 0, 2),
+    "platform_pitch_std": Metric("Platform pitch, standard deviation", "deg", 180 / np.pi, -1, 3),
+    "platform_tilt_max": Metric("Platform tilt, largest", "deg", 180 / np.pi, -1, 2, "max"),
     "tracking_rms": Metric("Tracking error of the power, root mean square", "kW", 1e-3, -1, 1),
     "tracking_mean": Metric("Tracking error of the power, mean size", "kW", 1e-3, -1, 1),
     "tracking_rms_share": Metric("Tracking error over rated power, root mean square", "%", 100.0, -1, 2),
@@ -90,6 +93,8 @@ METRICS: dict[str, Metric] = {
 }
 TRACKING_METRICS = tuple(METRICS)[tuple(METRICS).index("tracking_rms") :]
 """Metrics that only runs with a power reference have."""
+PLATFORM_METRICS = ("platform_pitch_mean", "platform_pitch_std", "platform_tilt_max")
+"""Metrics that only runs of floating turbines have."""
 LIMIT_METRICS = ("limits_violated",)
 """Metrics that only runs with limits of costs have."""
 
@@ -107,6 +112,9 @@ COLUMN_HEADS = {
     "tip_clearance_min": "clearance min",
     "overspeed_count": "overspeeds",
     "limits_violated": "beyond a limit",
+    "platform_pitch_mean": "pitch mean",
+    "platform_pitch_std": "pitch std",
+    "platform_tilt_max": "tilt max",
     "tracking_rms": "error rms",
     "tracking_mean": "error mean",
     "tracking_rms_share": "error rms/rated",
@@ -122,9 +130,12 @@ def metric_of(key: str | Metric) -> Metric:
 
 
 def measured_metrics(tables: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
-    """Keys of `METRICS` without those of the tracked power and of limits where no table of a run has them."""
-    present = {key for table in tables for key in table}
-    return tuple(key for key in METRICS if key not in (*TRACKING_METRICS, *LIMIT_METRICS) or key in present)
+    """Keys of `METRICS` without those of tracked power, platforms and limits where no table of a run has them."""
+    present, special = (
+        {key for table in tables for key in table},
+        (*TRACKING_METRICS, *PLATFORM_METRICS, *LIMIT_METRICS),
+    )
+    return tuple(key for key in METRICS if key not in special or key in present)
 
 
 def idle_time(run: xr.Dataset) -> float:
@@ -205,6 +216,16 @@ def _tracking(channel: Callable[[str], NDArray[np.float64]], turbine: Turbine, s
     }
 
 
+def _platform(channel: Callable[[str], NDArray[np.float64]]) -> dict[str, float]:
+    """Metrics of a floating platform."""
+    pitch = channel("platform_pitch")
+    return {
+        "platform_pitch_mean": float(pitch.mean()),
+        "platform_pitch_std": float(pitch.std()),
+        "platform_tilt_max": float(np.hypot(pitch, channel("platform_roll")).max()),
+    }
+
+
 def _smoothed(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Values behind a first-order filter of `_ROTOR_TIME`."""
     gain, out, last = -np.expm1(-step / _ROTOR_TIME), np.empty_like(values), float(values[0])
@@ -234,8 +255,8 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         Largest and smallest values are those of the structural steps, which the channels ``*_max`` and ``*_min`` hold
         since the sample before. Fore-aft and side-side loads of the tower are those in the axes of the nacelle, which
         turn with it: what a controller sees and acts on. "tower_del" is what a point of the tower bears. Those of
-        `TRACKING_METRICS` are there where the run has the channels "demanded_power" and "available_power"; those of
-        `LIMIT_METRICS` are not in the signals.
+        `TRACKING_METRICS` are there where the run has the channels "demanded_power" and "available_power", those of
+        `PLATFORM_METRICS` where the turbine floats; those of `LIMIT_METRICS` are not in the signals.
 
     Raises
     ------
@@ -294,6 +315,7 @@ def run_metrics(run: xr.Dataset, turbine: Turbine, skip: float = 0.0) -> dict[st
         "time_without_power": float(np.mean(power < 1e-3 * turbine.drivetrain.rated_power)),
         "time_at_standstill": float(np.mean(speed < 0.1 * turbine.drivetrain.rated_rotor_speed)),
         "torque_rate": float(np.sqrt(np.mean(torque_rate**2))),
+        **(_platform(channel) if "platform_pitch" in run else {}),
         **tracking,
     }
 

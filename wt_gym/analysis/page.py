@@ -303,30 +303,6 @@ class Section:
         return f"<section id='{self.name}'><h2>{escape(self.heading)}</h2>{caption}{self.content}</section>"
 
 
-_SHELL = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{title}</title>
-<link rel="icon" href="data:,">
-<style>{style}</style>
-</head>
-<body>
-<header><div class="inner"><h1>{title}</h1><p class="result">{result}</p><dl>{facts}</dl></div></header>
-<nav aria-label="Sections">{links}</nav>
-<main>
-{sections}
-</main>
-<footer>Made with wt_gym: flexible multibody turbine with unsteady vortex-lattice loads and a free wake.</footer>
-<script type="application/json" id="dark-colors">{dark}</script>
-{scripts}
-</body>
-</html>
-"""
-
-
 def write_page(
     path: str | Path,
     *,
@@ -357,7 +333,8 @@ def write_page(
     drawn = any("class='plot'" in part.content for part in shown)
     own = resources.files("wt_gym.analysis")
     scripts = [script] + ([get_plotlyjs(), own.joinpath("report.js").read_text(encoding="utf-8")] if drawn else [])
-    page = _SHELL.format(
+    shell = own.joinpath("page.html").read_text(encoding="utf-8")
+    page = shell.format(
         title=escape(title),
         result=escape(result),
         style=own.joinpath("report.css").read_text(encoding="utf-8"),

@@ -116,6 +116,11 @@
       quad(items, [[p[0] - ux * rp, p[1] - uy * rp, p[2]], [p[0] + ux * rp, p[1] + uy * rp, p[2]],
         [q[0] + ux * rq, q[1] + uy * rq, q[2]], [q[0] - ux * rq, q[1] - uy * rq, q[2]]], '#8fa3b3', '#8fa3b3');
     }
+    const {floater} = current.shapes;
+    for (let i = 0; i < floater.shape[1]; i++) {
+      const p = point(floater, 6 * i), q = point(floater, 6 * i + 3);
+      items.push({depth: 0.5 * (p[2] + q[2]), line: [p, q], color: '#7d8f9d', width: 1.4});
+    }
     const nose = point(hub, 0), top = point(tower, 3 * (n - 1));
     // as far behind the tower axis as the hub is before it, at the height of the hub
     const at = (shape, index) => mixed(shape, frame, a, index), end = 3 * (n - 1);

@@ -20,7 +20,7 @@ from wt_gym.analysis.figures import (
     trainings,
     verdict_figure,
 )
-from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, TRACKING_METRICS, measured_metrics
+from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, PLATFORM_METRICS, TRACKING_METRICS, measured_metrics
 from wt_gym.analysis.page import BEYOND, NONE, Row, Section, change_tag, format_value
 from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE
 from wt_gym.analysis.statistics import (
@@ -55,6 +55,7 @@ _GROUPS = {
         "rotor_speed_max", "overspeed_count", "time_without_power", "time_at_standstill",
     ),
     "Power tracking": TRACKING_METRICS,
+    "Platform": PLATFORM_METRICS,
     "Limits": LIMIT_METRICS,
     "Blades": ("blade_flap_del", "blade_edge_del", "blade_flap_max", "tip_deflection_max", _CLEARANCE),
     "Tower base": ("tower_fore_aft_del", "tower_side_side_del", "tower_del", "tower_base_max"),
@@ -388,7 +389,7 @@ def _method(evaluation: Evaluation) -> str:
 
 # Almost a megabyte each: more agents would make the page heavy.
 _MOST_AGENTS = 4
-_BITS = {"blades": 16, "wake": 16, "strength": 8, "tower": 16, "hub": 16}
+_BITS = {"blades": 16, "wake": 16, "strength": 8, "tower": 16, "hub": 16, "floater": 16}
 _STYLE = """<style>
 .replay { display: grid; grid-template-columns: minmax(0, 2.2fr) minmax(240px, 1fr); gap: 12px 20px; }
 .replay canvas { display: block; width: 100%; }

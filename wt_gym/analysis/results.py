@@ -56,6 +56,8 @@ class Replay:
     """Shape (n_tower,)."""
     hub: NDArray[np.float64]
     """Shape (n, 3)."""
+    floater: NDArray[np.float64]
+    """Ends of the members of a platform and of pieces of its mooring lines. Shape (n, n_pieces, 2, 3)."""
 
     def save(self, path: Path) -> None:
         """Write a compressed NumPy archive, which is there when it is whole."""
@@ -109,8 +111,16 @@ def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
         "tower": geometry["tower"],
         "tower_radius": geometry["tower_radius"],
         "hub": geometry["hub"],
+        "floater": _floater(geometry),
     }
     return {name: np.array(values, dtype=np.float32) for name, values in shapes.items()}
+
+
+def _floater(geometry: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Members of a platform and pieces of its lines (n_pieces, 2, 3); none of a turbine on the ground."""
+    lines = np.asarray(geometry.get("lines", np.zeros((0, 2, 3))))[:, ::5]
+    pieces = np.stack([lines[:, :-1], lines[:, 1:]], axis=2).reshape(-1, 2, 3)
+    return np.concatenate([np.asarray(geometry.get("platform", np.zeros((0, 2, 3)))), pieces])
 
 
 def kept_filaments(n_filaments: int) -> NDArray[np.int_]:

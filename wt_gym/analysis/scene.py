@@ -134,8 +134,9 @@ class Scene:
         self._length = length * turbine.rotor_diameter
         axes.set_axis_off()
         axes.set_aspect("equal")
-        self._at_sea = turbine.tower.support is not None
+        self._at_sea = turbine.tower.support is not None or turbine.floater is not None
         self._ground(length)
+        self._mooring = self._lines(0.5, colors=[_MARK], linewidths=0.8)
         self._submerged = self._polygons(_SUBMERGED, 0.6, alpha=0.8)
         self._behind, self._before = (self._lines(z, capstyle="round", joinstyle="round") for z in (1, 5))
         self._disc = self._polygons(color, 1.5, alpha=0.07)
@@ -152,8 +153,12 @@ class Scene:
         self._draw_disc(np.asarray(geometry["blades"], dtype=np.float64), hub)
         tower, radius = np.asarray(geometry["tower"]), np.asarray(geometry["tower_radius"])
         below, above = cut_at_sea_level(np.column_stack([tower, radius]))
-        self._submerged.set_verts([self._outline(below)] if len(below) else [])
-        self._steel.set_verts([self._outline(above), self._nacelle(tower[-1], hub, float(radius[-1]))])
+        parts = [(below, above), *floating_parts(geometry)]
+        self._submerged.set_verts([self._outline(part) for part, _ in parts if len(part)])
+        shown = [self._outline(part) for _, part in parts if len(part)]
+        self._steel.set_verts([*shown, self._nacelle(tower[-1], hub, float(radius[-1]))])
+        lines = [self.camera.project(line) for line in geometry.get("lines", ())]
+        self._mooring.set_segments(lines)
         self._draw_wake(geometry, hub, float(self.camera.depth(tower[-1])))
 
     def _draw_wake(self, geometry: Mapping[str, NDArray[np.float64]], hub: NDArray[np.float64], depth: float) -> None:
@@ -262,6 +267,15 @@ class Scene:
         front, back = self.camera.project(hub), self.camera.project(np.append(behind[:2], hub[2]))
         lift = np.array([0.0, 1.1 * half_height])
         return np.array([front - 0.6 * lift, front + 0.6 * lift, back + lift, back - lift])
+
+
+def floating_parts(geometry: Mapping[str, NDArray[np.float64]]) -> list[tuple[Any, Any]]:
+    """Parts below and above sea level of each member of a platform, see `cut_at_sea_level`."""
+    parts = []
+    for ends, radius in zip(geometry.get("platform", ()), geometry.get("platform_radius", ()), strict=True):
+        column = np.column_stack([ends[np.argsort(ends[:, 2])], np.full(2, radius)])
+        parts.append((column, column[:0]) if column[-1, 2] <= 0.0 else cut_at_sea_level(column))
+    return parts
 
 
 def cut_at_sea_level(column: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -561,6 +561,34 @@ class Options:
         object.__setattr__(self, name, value)
 
 
+class ArrayOptions(Options):
+    """Options with arrays, which are read-only, in the record itself and in its copies.
+
+    NumPy does not carry the read-only flag through pickle or ``copy.deepcopy``; worker processes would otherwise get
+    a record whose tables can be changed by accident.
+    """
+
+    by_value: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        cls.title, cls.prefix = cls.__name__, f"{cls.__name__}."
+
+    def __copy__(self) -> Self:
+        """Return the record itself: nothing in it changes."""
+        return self
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        """Return the record itself: nothing in it changes."""
+        return self
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the fields and take the write permission from every array."""
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+            self._set(name, value)
+
+
 def add_options(parser: argparse._ActionsContainer, record: type[Options], *names: str, **words: str) -> None:
     """Add options of a record to a command; those that are not typed stay out of the result.
 

@@ -33,6 +33,7 @@ COMMANDS = {
     "simulate": "operating points under the baseline controller, signals as NetCDF",
     "campbell": "frequencies and damping against rotor or wind speed",
     "import": "read an OpenFAST model as a turbine, and write it as a windIO file",
+    "describe": "an environment: observations with unit, range and source, actions, reward, base controller",
     "list": "controllers with their parameters, turbines, tasks, channels, trained agents",
     "compile": "compile the simulator ahead of the first run, in two processes",
     "record": "record how turbines run in turbulence, for the starts of their episodes",

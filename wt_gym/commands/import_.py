@@ -71,6 +71,12 @@ def summary(turbine: Turbine) -> list[tuple[str, float, str]]:
         np.cos(turbine.hub.cone) ** 2
         * (about_root + 2.0 * turbine.hub.radius * blade.structure.mass_moment(1) + turbine.hub.radius**2 * mass)
     )
+    platform = turbine.floater
+    afloat = [] if platform is None else [
+        ("platform mass with ballast", platform.mass, "kg"),
+        ("displaced volume", platform.displaced_volume, "m^3"),
+        ("mooring lines", len(platform.lines), ""),
+    ]  # fmt: skip
     return [
         ("blades", turbine.n_blades, ""),
         ("rotor diameter", turbine.rotor_diameter, "m"),
@@ -93,6 +99,7 @@ def summary(turbine: Turbine) -> list[tuple[str, float, str]]:
         ("airfoils", len(blade.airfoils), ""),
         ("stations of the blade", blade.structure.station.size, ""),
         ("stations of the tower", tower.structure.station.size, ""),
+        *afloat,
     ]
 
 

@@ -66,11 +66,11 @@ def controllers(turbine: Any = None) -> list[dict[str, Any]]:
 
 
 def turbines(turbine: Any = None) -> list[dict[str, Any]]:
-    """The catalogue."""
-    from wt_gym.turbines import catalogue, load_turbine
+    """The catalog."""
+    from wt_gym.turbines import catalog, load_turbine
 
     rows = []
-    for name in catalogue():
+    for name in catalog():
         found = load_turbine(name)
         power = found.drivetrain.rated_power
         size = f"{power / 1e6:.3g} MW" if power >= 1e5 else f"{power:.3g} W"
@@ -89,7 +89,7 @@ def channels(turbine: Any = None) -> list[dict[str, Any]]:
     """Signals of a simulation; those of the blades one by one."""
     from wt_gym.simulation import channel_table
 
-    table = channel_table(3 if turbine is None else turbine.n_blades)
+    table = channel_table(3) if turbine is None else channel_table(turbine.n_blades, turbine.n_lines)
     return [
         {"name": channel.name, "what": f"[{channel.unit}] {channel.description}", "openfast": channel.openfast}
         for channel in table

@@ -30,7 +30,7 @@ def wind_word(word: str) -> Any:
 
 
 _SHARED: dict[str, dict[str, Any]] = {
-    "turbine": {"default": "nrel_5mw", "help": "catalogue name or windIO file (default: %(default)s)"},
+    "turbine": {"default": "nrel_5mw", "help": "catalog name or windIO file (default: %(default)s)"},
     "site": {
         "type": named_value, "nargs": "+", "metavar": "NAME=VALUE",
         "help": "numbers of the site instead of those of the turbine: air_density, cut_in, cut_out, iec_class, "

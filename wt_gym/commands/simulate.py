@@ -3,6 +3,8 @@
     wt-gym simulate --wind-speed 8 15
     wt-gym simulate --turbine iea_15mw --wind-speed 9 --fidelity engineering --out runs/iea.nc
     wt-gym simulate --turbulent --wind-seeds 3 --wind-speed 12 --duration 600 --out runs/turbulent.nc
+    wt-gym simulate --wind-speed 12 --loads sections --out runs/steady.nc --format outb
+    wt-gym simulate --turbine oc4_nrel_5mw --turbulent --wind-speed 12 --wave-height 3 --wave-period 9
     wt-gym simulate --wind gust.csv site.bts --site air_density=1.1 --duration 120
 
 The means are taken over the last part of each run; for a turbine with a shaft tilt they are means over whole turns only
@@ -17,7 +19,7 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from wt_gym.base.files import require_writable
 from wt_gym.base.options import LONGEST, Options, option, option_record, options_of
@@ -30,8 +32,10 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from wt_gym.hydrodynamics.waves import WaveComponents
     from wt_gym.simulation import Recorder
     from wt_gym.simulation.channels import Signals
+    from wt_gym.simulation.contract import DrivenSimulator
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow, SteadyInflow
 
@@ -57,6 +61,19 @@ class SimulationOptions(Options):
     turbulent: bool = option("Kaimal turbulence of the turbine's class", default=False)
     wind_seeds: int = option("turbulence seed", default=1, low=0, high=2**63 - 1)
     scaling: str = option("of the turbulence", default="low_frequency", choices=("low_frequency", "uniform", "none"))
+    loads: str = option(
+        "loads beside the signals: in joints (tower top, hub, blade roots, tower base), or of nine sections of each "
+        "blade and the tower too", default="none", choices=("none", "joints", "sections"),
+    )  # fmt: skip
+
+    wave_height: float = option(
+        "significant height of JONSWAP waves, for a turbine that floats", default=0.0, unit="m", low=0.0, high=30.0
+    )
+    wave_period: float = option("their peak period", default=10.0, unit="s", low=1.0, high=60.0)
+    wave_direction: float = option(
+        "towards which they travel, counter-clockwise from downwind", default=0.0, unit="deg", low=-180.0, high=180.0
+    )
+    wave_seed: int = option("of their phases", default=1, low=0, high=2**63 - 1)
 
     def check(self) -> None:
         """Average over short runs as a whole; refuse a longer average."""
@@ -77,6 +94,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--out", type=file_ending_in(".nc", ".outb", ".csv"), metavar="FILE",
         help="signals as NetCDF (.nc), OpenFAST's binary outputs (.outb) or text (.csv); the wind speed is added to "
         "its name for several speeds",
+    )  # fmt: skip
+    parser.add_argument(
+        "--format", nargs="+", default=[], choices=("nc", "outb", "csv"), metavar="FORMAT",
+        help="further files beside that of --out: nc, outb, csv",
     )  # fmt: skip
     add_shared(parser, "json")
 
@@ -114,6 +135,8 @@ def check_numbers(arguments: argparse.Namespace) -> None:
     names = Counter(_label(wind) for wind in _winds(arguments))
     if arguments.out and len(names) < names.total():
         raise ValueError(f"the wind {names.most_common(1)[0][0]} comes twice, and would be written to one file")
+    if arguments.format and not arguments.out:
+        raise ValueError(f"--format must come with --out FILE, got {' '.join(arguments.format)} without")
     if arguments.out:
         require_writable(arguments.out.parent)
 
@@ -134,10 +157,12 @@ def _label(wind: float | str | dict[str, Any]) -> str:
     return Path(named if isinstance(named, str) else str(named[0])).stem
 
 
-def file_of(arguments: argparse.Namespace, wind: float | str | dict[str, Any]) -> Path:
-    """Where the signals of a wind go."""
-    out: Path = arguments.out
-    return out.with_stem(f"{out.stem}_{_label(wind)}") if len(_winds(arguments)) > 1 else out
+def files_of(arguments: argparse.Namespace, wind: float | str | dict[str, Any]) -> list[Path]:
+    """Where the signals of a wind go, each file in its format."""
+    if not (out := arguments.out):
+        return []
+    out = out.with_stem(f"{out.stem}_{_label(wind)}") if len(_winds(arguments)) > 1 else out
+    return list(dict.fromkeys([out, *(out.with_suffix(f".{ending}") for ending in arguments.format)]))
 
 
 def steady_of(arguments: argparse.Namespace, turbine: Turbine, speed: float) -> SteadyInflow:
@@ -165,6 +190,30 @@ def inflow_of(arguments: argparse.Namespace, turbine: Turbine, speed: float | st
         scaling=arguments.scaling,
     )  # fmt: skip
     return TurbulentInflow(box, steady)
+
+
+def sea_of(arguments: argparse.Namespace, turbine: Turbine) -> WaveComponents | None:
+    """Waves of the options; None where there are none.
+
+    Raises
+    ------
+    ValueError
+        If the turbine does not float.
+    """
+    import numpy as np
+
+    from wt_gym.hydrodynamics.waves import SeaState
+
+    if arguments.wave_height == 0.0:
+        return None
+    if turbine.floater is None:
+        raise ValueError(f"--wave-height must be left out: {turbine.name!r} does not float")
+    direction = math.radians(arguments.wave_direction)
+    sea = SeaState(
+        "jonswap", arguments.wave_height, arguments.wave_period, direction=direction,
+        duration=max(arguments.duration, 600.0),
+    )  # fmt: skip
+    return sea.components(np.random.default_rng(arguments.wave_seed), turbine.floater.water_depth)
 
 
 def means(data: xr.Dataset, n_blades: int, speed: float, average: float) -> dict[str, float]:
@@ -198,7 +247,9 @@ def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str
 
     make = simulator_maker(arguments.simulator, arguments.turbine, pictured=False, longest=lambda: arguments.duration)
     simulator = make(turbine, inflow_of(arguments, turbine, speed), arguments.fidelity)
-    recorder = Recorder(simulator)
+    if (sea := sea_of(arguments, turbine)) is not None:
+        cast("DrivenSimulator", simulator).sea = sea
+    recorder = Recorder(simulator, arguments.loads)
 
     line = ProgressLine()
 
@@ -208,8 +259,8 @@ def simulate(arguments: argparse.Namespace, turbine: Turbine, speed: float | str
     try:
         return run_baseline(simulator, arguments.duration, on_step=progress, recorder=recorder)
     finally:
-        if arguments.out and len(recorder):
-            recorder.save(file_of(arguments, speed))
+        for path in files_of(arguments, speed) if len(recorder) else []:
+            recorder.save(path)
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -218,6 +269,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from wt_gym.analysis.metrics import idle_sentence, idle_time
 
     turbine = turbine_of(arguments)
+    sea_of(arguments, turbine)  # refused before anything is simulated
     means_of = {}
     for number, wind in enumerate(_winds(arguments)):  # all before the first is simulated
         if isinstance(wind, float):
@@ -240,6 +292,6 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         wind = f"{speed:g} m/s" if isinstance(speed, float) else _label(speed)
         if sentence := idle_sentence("The baseline controller", [(wind, idle_time(data))]):
             print(sentence, flush=True)
-        if arguments.out:
-            print(f"signals: {file_of(arguments, speed)}", flush=True)
+        for path in files_of(arguments, speed):
+            print(f"signals: {path}", flush=True)
     return {"turbine": turbine.heading, "fidelity": arguments.fidelity, "points": rows}

@@ -11,7 +11,7 @@
 
 Writes the model, the statistics of its rewards, checkpoints, the best model by evaluations in other winds, figures for
 TensorBoard and a record of the training into a folder that wt-gym evaluate takes. Ctrl-C and SIGTERM end the training
-after the present step, with everything written; docs/training.md has more.
+after the current step, with everything written; docs/training.md has more.
 
 Exit status: 0 done or out of time, 1 refused, 2 a wrong option, 130 ended by Ctrl-C, 143 by SIGTERM.
 """

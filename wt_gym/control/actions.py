@@ -82,7 +82,7 @@ class ActionMap:
     - ``"absolute"``: the demand itself; pitch from the operating points of the winds and 5 degrees beyond them on both
       sides, within the limits, torque from 0 to the largest. Tilt and yaw are the demands themselves about nothing.
     - ``"residual"``: an offset from the demand of a base controller: its rate, or with the residual form ``"offset"``
-      the offset itself, to which the present one moves at no more than the greatest rate. Offsets end at their limits.
+      the offset itself, to which the current one moves at no more than the greatest rate. Offsets end at their limits.
 
     The yaw component is a rate in all modes, because a yaw drive turns at a rate and holds otherwise. Demands end at
     the limits of the turbine. What an action has no component for is left to the controller.

@@ -57,6 +57,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
+from wt_gym.base.errors import ControllerError
 from wt_gym.control.rotor import Rotor, fine_pitch, rotor_of
 from wt_gym.turbines.model import at_controller_density
 from wt_gym.wind.iec import REFERENCE_INTENSITY, turbulence_sigma
@@ -133,10 +134,7 @@ def tower_top(turbine: Turbine) -> TowerTop:
     The tower's own mass counts with the square of that deflection (Rayleigh's quotient). Rotor and nacelle are a point
     mass at the top. A monopile bends with the tower, turns and shifts on its foundation, and carries water along.
     """
-    hub, nacelle = turbine.hub, turbine.nacelle
-    blade = turbine.blade.structure
-    rotor = turbine.n_blades * np.trapezoid(blade.inertia[:, 0, 0], blade.station) + hub.mass
-    top = float(nacelle.mass + nacelle.yaw_bearing_mass + rotor)
+    top = _tower_top_mass(turbine)
     column = _column(turbine.tower)
     z = np.linspace(0.0, column.station[-1], 201)
     arm, step = z[-1] - z, np.diff(z)[0]
@@ -156,6 +154,43 @@ def tower_top(turbine: Turbine) -> TowerTop:
     fore_aft, mass, _ = frequency(4)
     side_side, _, ratio = frequency(3)
     return TowerTop(mass, fore_aft, side_side, ratio)
+
+
+def platform_pitch_frequency(turbine: Turbine) -> float:
+    """Undamped natural frequency of the pitch of a floating turbine [rad/s].
+
+    Platform, tower and nacelle are one rigid body that surges and pitches, with the added mass of infinite frequency;
+    the lines, which hardly resist pitch, are left out: with M and C about the origin at still water the frequency is
+    the root of (M⁻¹ C)₅₅, C₅₅ that of water plane and buoyancy minus the weight times its height.
+
+    Raises
+    ------
+    wt_gym.base.errors.ControllerError
+        For a turbine that does not float, or falls over.
+    """
+    floater = turbine.floater
+    if floater is None:
+        raise ControllerError(f"the platform's pitch must be that of a floating turbine, got {turbine.name!r}")
+    tower = turbine.tower.structure
+    line, height = tower.inertia[:, 0, 0], turbine.tower.base_height + tower.station
+    top = _tower_top_mass(turbine)
+    moments = [float(np.trapezoid(line * height**n, tower.station)) + top * turbine.hub_height**n for n in range(3)]
+    motions = np.ix_([0, 4], [0, 4])
+    mass = (floater.mass_matrix + floater.radiation.added_mass_infinite)[motions]
+    mass += np.array([[moments[0], moments[1]], [moments[1], moments[2]]])
+    stiffness = float(floater.hydrostatic[4, 4] + floater.additional_stiffness[4, 4])
+    stiffness -= floater.gravity * (floater.mass * float(floater.center[2]) + moments[1])
+    squared = float(np.linalg.inv(mass)[1, 1]) * stiffness
+    if squared <= 0.0:
+        raise ControllerError(f"{turbine.name!r} must be upright by itself: its stiffness in pitch is {stiffness:.3g}")
+    return math.sqrt(squared)
+
+
+def _tower_top_mass(turbine: Turbine) -> float:
+    """Mass of rotor and nacelle [kg]."""
+    blade, nacelle = turbine.blade.structure, turbine.nacelle
+    rotor = turbine.n_blades * np.trapezoid(blade.inertia[:, 0, 0], blade.station) + turbine.hub.mass
+    return float(nacelle.mass + nacelle.yaw_bearing_mass + rotor)
 
 
 @dataclass(frozen=True)

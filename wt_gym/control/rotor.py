@@ -6,7 +6,7 @@ the shaft; tower, tilt and deflection are left out. The lattice of the simulator
 blade-element theory below rated wind.
 
 *Tables* (`RotorTable`): controllers that estimate the wind or limit the thrust need the quasi-steady rotor. The tables
-of the catalogue's turbines stand in their records and were made by ``scripts/studies/rotor_table.py``: the rotor of the
+of the catalog's turbines stand in their records and were made by ``scripts/studies/rotor_table.py``: the rotor of the
 coupled simulator (lattice, wake, flexible blades and tower, tilt, cone, tower shadow), held at a speed and a pitch in a
 steady uniform wind until the wake has settled (``measure_rotor`` there). Any other turbine gets its table by blade
 elements (`blade_element_table`) in about a second; below rated wind the simulator's rotor makes up to a tenth more
@@ -22,7 +22,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
@@ -385,7 +385,8 @@ def _stored(turbine: Turbine) -> RotorTable | None:
     """Table in the record of a turbine of this name and size."""
     for record in RECORDS.values():
         if record.rotor_table is not None and record.rotor_table["turbine"] == turbine.name:
-            table = RotorTable.from_json(record.rotor_table)
+            same = RECORDS[record.rotor_table.get("same_as", record.name)].rotor_table
+            table = RotorTable.from_json(cast("dict[str, Any]", same))
             if math.isclose(table.radius, turbine.rotor_diameter / 2, rel_tol=1e-6):
                 return table
     return None

@@ -56,10 +56,10 @@ if TYPE_CHECKING:
 
 LEAST_DAMPING = 0.15
 """Damping ratio of the rotor's mode below which a controller is warned of: a step then overshoots by more than 62 %
-[-]. The published controllers of the catalogue have 0.25 and more."""
+[-]. The published controllers of the catalog have 0.25 and more."""
 MOST_SPEED_RISE = 0.25
 """Rise of the rotor speed after a gust of one standard deviation, over rated, above which a controller is warned of:
-that of the environments' overspeed limit. Published controllers of the catalogue have up to 0.18 [-]."""
+that of the environments' overspeed limit. Published controllers of the catalog have up to 0.18 [-]."""
 INTERVAL = 0.1
 """Step of the controller for the delay of its demand [s], that of `training`."""
 

@@ -237,7 +237,7 @@ class _Measured:
     instruments: None = None
 
     def readings(self) -> Signals:
-        """Readings at the present instant."""
+        """Readings at the current instant."""
         return self.signals
 
 
@@ -252,7 +252,7 @@ class _Turbine:
         self._residual = ResidualPitch(None, options.controller.residual_washout, self._action.n_mean)
         observed = options.observations
         self._needed = _needed(layout.observation.names, self._action.turns_with_rotor, self._n_blades)
-        values, _ = new_values(self._n_blades)
+        values, _ = new_values(self._n_blades, env.turbine.n_lines)
         # all else is zero, so that flapwise is out of plane, and all wind along x
         self._signals = Signals(values, self._n_blades)
         self._nothing = Demand(np.zeros(self._n_blades), 0.0, 0.0)
@@ -338,7 +338,7 @@ class _Turbine:
     # ---- what the agent does ----
 
     def _begin(self) -> None:
-        """Start agent and filters at the present offsets."""
+        """Start agent and filters at the current offsets."""
         self._before = self._setpoint = self._measured.setpoint = AgentSetpoint(self._present, 0.0, 0.0)
         self._last = np.zeros(self._action.size)
         self._state: Any = None

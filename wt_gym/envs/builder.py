@@ -27,6 +27,7 @@ from wt_gym.envs.lidar import LidarTerm
 from wt_gym.envs.observations import Observer
 from wt_gym.envs.operation import OWN, Operation, simulator_maker
 from wt_gym.envs.power_reference import PowerReferenceTerm
+from wt_gym.envs.sea import SeaTerm
 from wt_gym.envs.terminations import Costs, EpisodeLength, IdleClock, Limits, standstill_limit
 from wt_gym.envs.terms import Term, hooks
 from wt_gym.envs.twin import Twin
@@ -108,7 +109,7 @@ class Parts:
 
     @property
     def signals(self) -> Signals:
-        """Every signal of the simulator at the present instant; None before the first reset."""
+        """Every signal of the simulator at the current instant; None before the first reset."""
         return self.operation.signals
 
     @property
@@ -175,7 +176,12 @@ def build(env: Parts, options: EnvOptions) -> None:
     env.wind = WindSampler(turbine, options.wind)
     limits, penalty = options.limits, options.rewards.termination_penalty
     standstill = standstill_limit(limits.standstill, turbine, env.wind.parks)
-    env.limits = Limits(turbine.drivetrain.rated_rotor_speed, limits.overspeed, standstill, penalty)
+    if limits.line_tension is not None and not turbine.n_lines:
+        raise ValueError(f"line_tension_limit must be left out for {turbine.name!r}, which has no mooring lines")
+    env.limits = Limits(
+        turbine.drivetrain.rated_rotor_speed, limits.overspeed, standstill, penalty, turbine.floater is not None,
+        limits.line_tension,
+    )  # fmt: skip
     env.reward_terms = rewards.compose(options.rewards.terms)
     env.fidelity = choose_fidelity(turbine, options.fidelity)
     step, count = _inner_steps(env)
@@ -275,10 +281,14 @@ def _terms(env: Parts, lidar: LidarTerm, step: float) -> dict[str, Term]:
             terms["credit"] = Credit(twin, env.reward_terms, env.turbine, operation, env.control_dt, dialed)
     if options.dial.weights is not None:
         terms["dial"] = DialTerm(options.dial, [term.name for term in env.reward_terms], operation)
+    if env.turbine.floater is not None:
+        terms["sea"] = SeaTerm(env.turbine, options.sea, options.wind.inflow == "steady")
+    elif options.sea is not None:
+        raise ValueError(f"sea must be left out: {env.turbine.name!r} does not float, got {options.sea!r}")
     if env.render_mode is not None:
         from wt_gym.envs.rendering import Renderer  # matplotlib takes half a second to import
 
-        terms["renderer"] = Renderer(env.turbine, operation)
+        terms["renderer"] = Renderer(env.turbine, operation, env.render_mode == "human")
     return terms
 
 
@@ -290,7 +300,8 @@ def _build_observer(env: Parts) -> int:
     if not (everyone or "sensor_delay" in varies):
         late = check_whole_steps("sensor_delay", observed.delay, env.control_dt, least=0)
     noise = 0.0 if everyone or "sensor_noise" in varies else observed.noise
-    choice = observed.channels or (RESIDUAL_GROUPS if action.mode == "residual" else DEFAULT_GROUPS)
+    usual = RESIDUAL_GROUPS if action.mode == "residual" else DEFAULT_GROUPS
+    choice = observed.channels or (usual if env.turbine.floater is None else (*usual, "platform"))
     features = {name: channels for groups in hooks(env.terms.values(), "groups") for name, channels in groups().items()}
     env.observer = Observer(env.turbine, action, env.operation, observed, choice, noise, late, features)
     return late

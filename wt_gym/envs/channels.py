@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",
     "offsets", "lidar", "previous_action", "measurable", "dead_band", "disturbances", "own_response", "model_fit",
-    "supervisor", "power_reference", "power_forecast", "dial",
+    "supervisor", "power_reference", "power_forecast", "dial", "platform", "platform_position", "wave",
 )  # fmt: skip
 DEFAULT_GROUPS = ("rotor", "power", "pitch", "wind", "blades", "tower", "azimuth", "previous_action")
 RESIDUAL_GROUPS = ("rotor", "power", "pitch", "wind", "fixed_frame", "tower", "controller", "offsets")
@@ -236,7 +236,7 @@ class Observable:
         self._yaw_drive, self._linear = yaw_drive_of(controller), linear_part(controller)
         self._fades = residual is not None and residual.fades
         self._washes = residual is not None and residual.washes
-        self._parities = {channel.name: channel.parity for channel in channel_table(turbine.n_blades)}
+        self._parities = {channel.name: channel.parity for channel in channel_table(turbine.n_blades, turbine.n_lines)}
 
     def choose(self, choice: Sequence[str]) -> tuple[tuple[str, ...], list[Observed]]:
         """Groups and channels that are observed.

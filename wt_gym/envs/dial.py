@@ -224,11 +224,11 @@ class DialTerm(Term):
 
     @property
     def present(self) -> tuple[float, ...]:
-        """Factors of the present instant."""
+        """Factors of the current instant."""
         return cast("DialCourse", self.course).at(self._operation.signals["time"])
 
     def turn(self, factors: tuple[float, ...], lead: float) -> None:
-        """Hold other factors from a lead after the present instant on [s]."""
+        """Hold other factors from a lead after the current instant on [s]."""
         self.course = cast("DialCourse", self.course).changed(self._operation.signals["time"] + lead, factors)
 
     def adjust(self, _: float, terms: dict[str, float], __: int, time: float) -> tuple[float, dict[str, float]]:
@@ -248,5 +248,5 @@ class DialTerm(Term):
         return {"dial": [Observed(one, function=self.logarithms, index=k) for k, one in enumerate(channels)]}
 
     def logarithms(self, _: Situation) -> list[float]:
-        """Binary logarithms of the present factors."""
+        """Binary logarithms of the current factors."""
         return [math.log2(factor) for factor in self.present]

@@ -41,9 +41,14 @@ if TYPE_CHECKING:
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import Turbine
 
-DRAW_ORDER = ("variation", "wind", "start", "power_reference", "fault", "dial")
+DRAW_ORDER = ("variation", "wind", "start", "power_reference", "fault", "dial", "sea")
 """Order of the draws of an episode: another one would give every seed another episode."""
-FEATURE_OPTIONS = {"power_reference": "power_reference", "fault": "fault_kinds", "dial": "dial_weights"}
+FEATURE_OPTIONS = {
+    "power_reference": "power_reference",
+    "fault": "fault_kinds",
+    "dial": "dial_weights",
+    "sea": "a floating turbine",
+}
 """Options of a reset that belong to a feature, by the argument of the environment that turns it on."""
 _WIND = ("wind_speed", "wind_seed", "time_offset")
 _POINT = ("rotor_speed", "pitch", "generator_torque")

@@ -28,7 +28,7 @@ class RainflowCounter:
 
     Counting follows ASTM E1049-85, section 5.4.4: of the last three turning points the older range Y is counted as soon
     as the newer range X reaches it, as a half cycle where Y holds the start of the history, as a full one elsewhere;
-    what is left at the end counts as half cycles. The present sample stands for a turning point, which decides nothing
+    what is left at the end counts as half cycles. The current sample stands for a turning point, which decides nothing
     too early, because the range that ends in it can only grow before it turns. Damage never falls: a range that X just
     reaches has the same damage in the residue, as two halves, as it has when counted.
 
@@ -44,7 +44,7 @@ class RainflowCounter:
     closed : float
         Sum of n_i (S_i / scale)^m over the counted cycles [-].
     turning_points : list of float
-        Residue, the present sample last.
+        Residue, the current sample last.
     """
 
     def __init__(self, exponent: float, scale: float = 1.0):
@@ -272,7 +272,7 @@ class Damage:
     Attributes
     ----------
     counters : dict of str to RainflowCounter
-        By channel, of the present episode.
+        By channel, of the current episode.
     """
 
     weight: float = 0.0

@@ -83,7 +83,7 @@ class InstrumentTable:
     """
 
     def __init__(self, turbine: Turbine, channels: Mapping[str, Channel], lidar_noise: float):
-        table = channel_table(turbine.n_blades)
+        table = channel_table(turbine.n_blades, turbine.n_lines)
         image = turbine.rotation != "clockwise"
         index = {channel.name: k for k, channel in enumerate(table)}
         sign = {channel.name: -1.0 if image and channel.parity == ODD else 1.0 for channel in table}

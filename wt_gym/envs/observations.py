@@ -79,7 +79,7 @@ class ObservationOptions(Options):
         above=True,
     )
     history: int = option(
-        "Readings in an observation: the present one, then those of the steps before",
+        "Readings in an observation: the current one, then those of the steps before",
         default=1,
         low=1,
         high=MOST_READINGS,
@@ -158,7 +158,7 @@ class Observer(Stateful):
 
     def _prepare(self, observed: list[Observed]) -> None:
         """Sort the channels by their readers: those of signals come from their vector at once."""
-        index = {c.name: i for i, c in enumerate(channel_table(self._turbine.n_blades))}
+        index = {c.name: i for i, c in enumerate(channel_table(self._turbine.n_blades, self._turbine.n_lines))}
         rows = list(enumerate(observed))
         signals = [(k, index[one.signal]) for k, one in rows if one.signal and one.part is None]
         self._at, self._from = np.array(signals, dtype=np.int64).reshape(-1, 2).T.copy()

@@ -32,8 +32,9 @@ if TYPE_CHECKING:
     from wt_gym.envs.terms import Beginning, Plant
     from wt_gym.envs.variation import DrawnVariation
     from wt_gym.envs.wind_sampler import EpisodeWind
+    from wt_gym.hydrodynamics.waves import WaveComponents
     from wt_gym.simulation import Fidelity, Signals
-    from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
+    from wt_gym.simulation.contract import DrivenSimulator, SimulatorMaker, TurbineSimulator
     from wt_gym.turbines import BladeIce, Turbine
     from wt_gym.wind import Inflow
 
@@ -131,7 +132,7 @@ class Operation(Stateful):
 
     remembered = (
         "signals", "demand", "base", "setpoint", "controller", "residual", "faults", "plant", "instruments",
-        "pitch_gain", "_taken", "reference",
+        "pitch_gain", "_taken", "reference", "sea",
     )  # fmt: skip
     wind: EpisodeWind
     demand: Demand  #: on the drives
@@ -140,10 +141,11 @@ class Operation(Stateful):
     plant: Plant
     everyone: bool = False  #: the base controller reads the instruments of the agent
     simulator: TurbineSimulator | None = None  #: None before the first start
-    signals: Signals = cast("Signals", None)  #: of the simulator at the present instant; None before the first start
+    signals: Signals = cast("Signals", None)  #: of the simulator at the current instant; None before the first start
     faults: tuple[DriveFault | SensorBias, ...] = ()  #: of the episode with their times
     instruments: Instruments | None = None  #: None where readings are exact
     reference: PowerReference | None = None  #: demand of a grid operator
+    sea: WaveComponents | None = None  #: of the episode of a floating turbine
     pitch_gain: PitchGain | None = None  #: response to pitch, where it is not that of the model
     _taken: Signals | None = None
     _drive_faults: tuple[DriveFault, ...] = ()
@@ -176,10 +178,11 @@ class Operation(Stateful):
         start = beginning.start
         simulator = self._enter(beginning.wind, beginning.plant, beginning.faults)
         self._equip(beginning)
+        afloat = {} if self.turbine.floater is None else {"platform": start.platform}
         self.signals = simulator.reset(
             rotor_speed=start.rotor_speed, pitch=start.pitch, azimuth=start.azimuth, yaw=beginning.yaw,
             generator_torque=start.generator_torque, tower_top=start.tower_top, wake_thrust=start.wake_thrust,
-            motion=start.motion,
+            motion=start.motion, **afloat,
         )  # fmt: skip
         self.demand = self.base = Demand(start.pitch.copy(), 0.0, start.generator_torque)
         self.setpoint = self.action.start(self.demand)
@@ -217,10 +220,16 @@ class Operation(Stateful):
 
     def _equip(self, beginning: Beginning) -> None:
         """Take what is drawn of features."""
-        self.pitch_gain = self.instruments = self.reference = None
+        self.pitch_gain = self.instruments = self.reference = self.sea = None
         for equip in hooks(beginning.drawn.values(), "equip"):
             equip(self)
         self._resolve()
+
+    def meet(self, sea: WaveComponents | None) -> None:
+        """Put a floating turbine into a sea."""
+        self.sea = sea
+        if self.turbine.floater is not None:
+            cast("DrivenSimulator", self.simulator).sea = sea
 
     def _resolve(self) -> None:
         """Filters that the readings of the episode pass: response to pitch, then failing sensors."""
@@ -312,13 +321,13 @@ class Operation(Stateful):
         return yaw_drive_of(self.controller)
 
     def known_disturbances(self) -> np.ndarray | None:
-        """Knowledge of the linear optimal pitch of the base controller about the present instant."""
+        """Knowledge of the linear optimal pitch of the base controller about the current instant."""
         part, watcher, signals = linear_part(self.controller), fault_supervisor_of(self.controller), self.readings()
         return None if part is None else part.known(signals if watcher is None else watcher.believed(signals))
 
     @property
     def demanded_power(self) -> float | None:
-        """Demand of a grid operator at the present instant, None without one [W]."""
+        """Demand of a grid operator at the current instant, None without one [W]."""
         return None if self.reference is None else self.reference.at(self.signals["time"])
 
     def infos(self) -> list[Callable[[], dict[str, Any]]]:
@@ -334,7 +343,7 @@ class Operation(Stateful):
         return {"state": cast("Supervisor", self.supervisor).state}
 
     def _voltage_info(self) -> dict[str, Any]:
-        """Voltage of the grid over nominal at the present instant [-]."""
+        """Voltage of the grid over nominal at the current instant [-]."""
         dips = [fault for fault in self.faults if isinstance(fault, VoltageDip)]
         return {"grid_voltage": min(dip.voltage(self.signals["time"]) for dip in dips)}
 
@@ -355,17 +364,17 @@ class Operation(Stateful):
         return signals
 
     def readings(self) -> Signals:
-        """Readings of an agent at the present instant."""
+        """Readings of an agent at the current instant."""
         return self.measured(self.signals) if self._taken is None else self._taken
 
     def seen(self) -> np.ndarray:
-        """Readings of the lidar of an agent at the present instant [m/s]."""
+        """Readings of the lidar of an agent at the current instant [m/s]."""
         if self.instruments is None:
             return self.ahead(self.readings())
         return self.instruments.seen(self._looked(self.instruments.instant))
 
     def _take(self, signals: Signals) -> None:
-        """Read the instruments, if there are any, at the present instant."""
+        """Read the instruments, if there are any, at the current instant."""
         if self.instruments is None:
             self._taken = None
             return
@@ -400,6 +409,7 @@ class Operation(Stateful):
     def resume(self, memory: Mapping[str, Any], wind: EpisodeWind, state: Any) -> None:
         """Continue with a memory in a wind from a state of the simulator; None: as the simulator is."""
         simulator = self._enter(wind, memory["plant"], memory["faults"])
+        self.meet(memory["sea"])
         if state is not None:
             simulator.restore(state)
         self.recall(memory)

@@ -35,9 +35,11 @@ from wt_gym.envs.faults import FaultOptions
 from wt_gym.envs.observations import ObservationOptions
 from wt_gym.envs.power_reference import GridOptions
 from wt_gym.envs.rewards import RewardOptions
+from wt_gym.envs.sea import SeaChoice
 from wt_gym.envs.terminations import LimitOptions
 from wt_gym.envs.variation import Variation
 from wt_gym.envs.wind_sampler import WindOptions, is_wind_file
+from wt_gym.hydrodynamics.waves import SeaState
 from wt_gym.simulation import Fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine
@@ -104,7 +106,7 @@ class ActionOptions(Options):
         flat="action_spans",
     )
     residual: str = option(
-        'Meaning of actions of mode "residual": the rate of an offset, or the offset itself, to which the present one '
+        'Meaning of actions of mode "residual": the rate of an offset, or the offset itself, to which the current one '
         "moves at no more than the greatest rate",
         default="rate",
         flat="residual_form",
@@ -122,6 +124,11 @@ def _checked_base(base: Any) -> Any:
     if not (isinstance(base, str) or callable(base) or hasattr(base, "start")):
         raise ValueError(f"must be a name, a Controller or a function, got {shown(base)}")
     return base
+
+
+def _checked_sea(value: Any) -> Any:
+    SeaChoice.of(value)
+    return value
 
 
 @option_record
@@ -191,7 +198,7 @@ class ElectricalOptions(Options):
 
 STARTS = ("running", "steady")
 """States with which an episode in turbulence starts."""
-RENDER_MODES = ("rgb_array",)
+RENDER_MODES = ("rgb_array", "human")
 _BASE = "controller"  # the one argument that takes a group or the value of a field of it
 _ID = "env_id"
 
@@ -203,7 +210,7 @@ class EnvOptions(Options):
     title = "environment"
 
     turbine: str | Path | Turbine = option(
-        "Name in the catalogue, a windIO file, an OpenFAST model (.fst), or a turbine", default="nrel_5mw"
+        "Name in the catalog, a windIO file, an OpenFAST model (.fst), or a turbine", default="nrel_5mw"
     )
     generator: str | None = option(
         "A torque that is demanded, or the damper of the turbine, M = c Ω, which takes no demand; default: what the "
@@ -247,7 +254,18 @@ class EnvOptions(Options):
         kind="{'wt_gym', 'openfast'}, mapping or callable",
     )
     render_mode: str | None = option(
-        "Picture of turbine and wake with the recent course of the key signals", default=None, choices=RENDER_MODES
+        "Picture of turbine and wake with the recent course of the key signals; ``human`` shows it at every step, in a "
+        "window or, without a display, in a file",
+        default=None,
+        choices=RENDER_MODES,
+    )
+    sea: str | Mapping[str, Any] | SeaState | None = option(
+        "Sea of a turbine that floats: None for waves that grow with a turbulent wind, still water in a steady one; "
+        '"still"; or a `wt_gym.hydrodynamics.waves.SeaState` or a mapping of its fields, with "misalignment" [rad] up '
+        "to which the direction of an episode is drawn to either side, and the height of the wind's sea if it has none",
+        default=None,
+        kind="str, mapping or SeaState",
+        check=_checked_sea,
     )
     wind: WindOptions = WindOptions()
     actions: ActionOptions = ActionOptions()

@@ -149,6 +149,7 @@ def digest_of_turbine(turbine: Turbine) -> str:
     return fingerprint(
         turbine.name, dimensions(turbine)[1:], turbine.n_blades, turbine.blade, turbine.tower, turbine.hub,
         turbine.nacelle, turbine.drivetrain, turbine.pitch, turbine.control,
+        *(() if turbine.floater is None else (turbine.floater,)),
     )[:16]  # fmt: skip
 
 
@@ -283,7 +284,8 @@ def _packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.f
 
 
 _SEED = 7_777_000  # First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s
-_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8}  # Winds at a wind speed: most for turbines of tasks
+_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8, "oc4_nrel_5mw": 2, "volturnus_iea_15mw": 2}
+"""Winds at a wind speed: most for turbines of tasks."""
 _ATTEMPTS = 3  # Winds of a run: a gust may stop a turbine at cut-out by its overspeed
 
 

@@ -1,15 +1,24 @@
-"""Pictures for ``render()``: turbine and wake, and the recent course of the key signals (matplotlib, no display)."""
+"""Pictures for ``render()``: turbine and wake, and the recent course of the key signals.
+
+matplotlib draws them. A live view is a window of its own; without a display it is a picture in a file, which is
+written again at every step.
+"""
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
+import gymnasium as gym
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wt_gym.analysis.scene import Scene
+from wt_gym.base.files import write_whole
 from wt_gym.base.picture_style import BLUE, GRAY, INK, plain
 from wt_gym.envs.terms import Term
 
@@ -26,14 +35,26 @@ _RPM = 30 / np.pi
 
 
 class Renderer(Term):
-    """Draws an environment with its operation."""
+    """Draws an environment with its operation; live, at every reset and step."""
 
-    def __init__(self, turbine: Turbine, operation: Operation):
-
+    def __init__(self, turbine: Turbine, operation: Operation, live: bool = False):
         self._history: deque[tuple[float, ...]] = deque()
-        self._arguments = turbine, operation
-        self._figure = Figure(figsize=(9.6, 5.4), dpi=100, facecolor="white")  # 960 by 540 pixels
-        self._canvas = FigureCanvasAgg(self._figure)
+        self._arguments = turbine, operation, live
+        shape: dict[str, Any] = {"figsize": (9.6, 5.4), "dpi": 100, "facecolor": "white"}  # 960 by 540 pixels
+        self._file: Path | None = None
+        if live:
+            from matplotlib import pyplot  # looks for a display
+
+            self._figure = pyplot.figure(**shape)
+            self._canvas: Any = cast("Any", self._figure.canvas)
+            if self._canvas.required_interactive_framework is None:
+                self._file = Path(tempfile.gettempdir()) / f"wt_gym_live_{os.getpid()}.png"
+                gym.logger.warn(f"there is no display: the live picture is {self._file}")
+            else:
+                self._canvas.manager.show()
+        else:
+            self._figure = Figure(**shape)
+            self._canvas = FigureCanvasAgg(self._figure)
         self._build_scene(turbine)
         self._build_strips(turbine)
 
@@ -51,10 +72,27 @@ class Renderer(Term):
         """Start with the first signals of an episode."""
         self._history.clear()
         self.record(self._arguments[1].signals)
+        self._show()
 
     def follow(self, transition: Transition) -> None:
         """Take the signals after a step."""
         self.record(transition.after)
+        self._show()
+
+    def _show(self) -> None:
+        """Bring a live view up to date."""
+        _, operation, live = self._arguments
+        if live and operation.simulator is not None:
+            self.draw(operation.simulator.geometry())
+
+    def close(self) -> None:
+        """Close the window, or remove the file."""
+        if self._arguments[2]:
+            from matplotlib import pyplot
+
+            pyplot.close(self._figure)
+        if self._file is not None:
+            self._file.unlink(missing_ok=True)
 
     def record(self, signals: Signals) -> None:
         """Take the signals of an instant."""
@@ -71,12 +109,12 @@ class Renderer(Term):
         return {"history": tuple(self._history)}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        """Continue with a course of the signals; without one the present signals begin it."""
+        """Continue with a course of the signals; without one the current signals begin it."""
         self._history = deque(memory.get("history", ()))
         if not self._history:
             self.record(self._arguments[1].signals)
 
-    def draw(self, geometry: Mapping[str, np.ndarray] | None) -> np.ndarray:
+    def draw(self, geometry: Mapping[str, np.ndarray] | None) -> np.ndarray | None:
         """Draw the turbine and the recorded signals.
 
         Parameters
@@ -87,11 +125,18 @@ class Renderer(Term):
         Returns
         -------
         numpy.ndarray, uint8, shape (height, width, 3)
+            None of a live view.
         """
         if geometry is not None:
             self._scene.draw(geometry)
         self._draw_strips()
+        if self._file is not None:
+            write_whole(self._file, lambda file: self._figure.savefig(file, format="png"))
+            return None
         self._canvas.draw()
+        if self._arguments[2]:
+            self._canvas.flush_events()
+            return None
         return np.array(self._canvas.buffer_rgba())[..., :3].copy()
 
     def _build_scene(self, turbine: Turbine) -> None:

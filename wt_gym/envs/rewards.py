@@ -12,6 +12,7 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Options, check_mapping, check_number, option, option_record, shown
 from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.envs.fatigue import BladeFatigue, Damage, TowerForeAftFatigue, TowerSideSideFatigue
+from wt_gym.envs.platform_rewards import PlatformMotion
 from wt_gym.envs.power import Power
 from wt_gym.envs.power_reference import PowerTracking
 from wt_gym.envs.terms import bounded_square
@@ -134,6 +135,16 @@ class Overspeed:
 
 
 @dataclass(frozen=True)
+class HighSpeed(Overspeed):
+    """Penalty on rotor speed near its limit, for controllers that let the speed swing: as `Overspeed` from 115 % on."""
+
+    weight: float = 0.0
+    margin: float = 1.15
+    scale: float = 0.05
+    name: str = "high_speed"
+
+
+@dataclass(frozen=True)
 class ExtremeLoads:
     """Penalty on moments beyond ``margin`` times the reference: x = (moment / M - margin) / ``scale`` where positive.
 
@@ -170,6 +181,8 @@ _CLASSES = (
     ExtremeLoads,
     Damage,
     PowerTracking,
+    PlatformMotion,
+    HighSpeed,
 )
 _TERMS = {term.name: type(term) for term in (cls() for cls in _CLASSES)}
 

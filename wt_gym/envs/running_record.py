@@ -30,6 +30,7 @@ from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, parities
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.turbines.variants import REFLECTION_6
 from wt_gym.wind.inflow import fill_velocity, read_only
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Start:
         Of the structure, as `wt_gym.simulation.Simulator.reset` takes it, where fidelity and azimuth are those of the
         record.
     deviations : dict
-        Of the running means of channels from their present values, by name.
+        Of the running means of channels from their current values, by name.
     """
 
     rotor_speed: float  #: [rad/s]
@@ -71,6 +72,7 @@ class Start:
     deviations: dict[str, float | np.ndarray] = field(default_factory=dict)
     memory: ControllerForm | None = None  #: memory of the controller that ran before
     trail: np.ndarray | None = None  #: shape (n_channels,), means of the signals before; NaN where not recorded
+    platform: np.ndarray | None = None  #: shape (12,), slow motion of a floater, see `Simulator.reset`
 
     def mirrored(self, n_blades: int) -> Start:
         """Start of the mirror image of the turbine in the mirrored wind, see `wt_gym.simulation.channels`.
@@ -84,17 +86,22 @@ class Start:
             self,
             tower_top=None if self.tower_top is None else self.tower_top * TOWER_TOP_PARITIES,
             deviations={name: deviation * of[name] for name, deviation in self.deviations.items()},
-            trail=None if self.trail is None else self.trail * signs,
+            trail=None if self.trail is None else self.trail * parities(n_blades, self._n_lines),
+            platform=None if self.platform is None else self.platform * np.tile(REFLECTION_6, 2),
         )
 
+    @property
+    def _n_lines(self) -> int | None:
+        return None if self.trail is None else Signals(self.trail, len(self.pitch)).n_lines
+
     def start(self, controller: Controller, readings: Readings, demand: Demand) -> None:
-        """Start a controller from the present demand and readings, with the memory that fits it."""
+        """Start a controller from the current demand and readings, with the memory that fits it."""
         controller.start(readings, demand)
         if self.memory is not None:
             self.memory.put(controller)
 
     def averaged(self, signals: Signals) -> Signals:
-        """Signals with the running means in place of the present values of the loads."""
+        """Signals with the running means in place of the current values of the loads."""
         if not self.deviations:
             return signals
         averaged = Signals(signals.values.copy(), signals.n_blades)
@@ -149,7 +156,7 @@ class RowLayout(NamedTuple):
     turning: slice  #: Azimuth and speed of the low-speed shaft
     history: slice  #: Wind before, see `_averaged`
     thrust: slice  #: Mean over the windows before [N]
-    motion: slice  #: motion of the structure, empty where the fidelity takes none
+    motion: slice  #: motion of the structure, empty where the fidelity takes none; of a floater, in still water
     memory: slice  #: Numbers of the controller that change; to the end
 
     @classmethod
@@ -217,7 +224,7 @@ class StartRecorder:
                     _signals(signals), _turned(lasting, signals["azimuth"], n), simulator.tower_top(), means,
                     [y[s.azimuth_q] % (2.0 * math.pi), y[s.system.n_q + s.azimuth_u]],
                     wind_history(inflow, turbine, 0.0, k * dt), [np.mean(thrusts)],
-                    simulator.motion() if self.fidelity.takes_motion else (),
+                    simulator.motion() if simulator.takes_motion else s.platform(y),
                 )  # fmt: skip
                 rows.append(np.concatenate(parts))
                 memories.append(memory_of(controller))
@@ -234,7 +241,7 @@ class ControllerForm(NamedTuple):
     Attributes
     ----------
     kind : str
-        Module and name of its class; empty: nothing is recorded, and controllers start from the present demand.
+        Module and name of its class; empty: nothing is recorded, and controllers start from the current demand.
     """
 
     kind: str
@@ -354,7 +361,8 @@ class Record:
         row, n, columns = self._rows[instant] + change, self._n_blades, self._columns
         pitch = np.clip(row[_places(n)["pitch"]], turbine.pitch.min_pitch, turbine.pitch.max_pitch)
         recorded = float(row[columns.turning.start])
-        motion = row[columns.motion] if azimuth is None and self._has_motion else None  # blades bend by azimuth
+        floats = turbine.floater is not None
+        motion = row[columns.motion] if azimuth is None and self._has_motion and not floats else None  # by the azimuth
         if azimuth is None:
             azimuth = recorded
         elif n == 3:  # what the blades do by azimuth they do elsewhere
@@ -372,11 +380,12 @@ class Record:
         return Start(
             speed, pitch, torque, azimuth,
             row[columns.tower_top], motion, float(row[columns.thrust.start]), deviations,
-            self._controller.memory(row[columns.memory]), self._trail(row[columns.lasting]),
+            self._controller.memory(row[columns.memory]), self._trail(row[columns.lasting], turbine.n_lines),
+            row[columns.motion] if floats else None,
         )  # fmt: skip
 
-    def _trail(self, lasting: NDArray[np.float64]) -> NDArray[np.float64]:
-        signals = np.full(len(channel_table(self._n_blades)), np.nan)
+    def _trail(self, lasting: NDArray[np.float64], n_lines: int | None) -> NDArray[np.float64]:
+        signals = np.full(len(channel_table(self._n_blades, n_lines)), np.nan)
         signals[_recorded_channels(self._n_blades)] = lasting
         return signals
 

@@ -44,6 +44,10 @@ PITCH_TRAVEL = "pitch_travel"
 COST_LIMITS = {PITCH_TRAVEL: "rad/d", "rotor_speed": "-", "tip_clearance": "m", "tower_acceleration": "m/s^2"}
 """Names and units of the limits beyond which steps cost."""
 
+LARGEST_TILT = math.radians(15.0)
+"""Tilt of a platform at which an episode ends [rad]: its turbine and the linear theory of its loads are not made for
+more."""
+
 
 @option_record
 class LimitOptions(Options):
@@ -77,6 +81,15 @@ class LimitOptions(Options):
         high=1.0,
         below=True,
     )
+    line_tension: float | None = option(
+        "Largest tension of a mooring line at its fairlead, of a floating turbine: the breaking load of its lines",
+        default=None,
+        flat="line_tension_limit",
+        unit="N",
+        low=0.0,
+        above=True,
+        otherwise="no limit",
+    )
     costs: Mapping[str, float] | None = option(
         'Limits beyond which a step costs, in place of the margins of ``info["costs"]`` (`wt_gym.envs.terminations`): '
         "``pitch_travel``, mean of the blades [rad/d]; ``rotor_speed`` over rated [-]; ``tip_clearance`` [m]; "
@@ -98,6 +111,8 @@ class Limits:
     overspeed: float  #: Highest rotor speed over rated
     standstill: float  #: Lowest rotor speed over rated
     penalty: float  #: Subtracted from the reward on termination
+    floats: bool = False  #: The tilt of the platform is limited
+    line_tension: float | None = None  #: Largest tension of a mooring line [N]
 
     def ending(self, signals: Signals, clearance: float) -> str | None:
         """Why the episode is terminated after a step, if it is; with the `tip_clearance` of the step [m]."""
@@ -105,6 +120,10 @@ class Limits:
             return "overspeed"
         if signals["rotor_speed"] < self.standstill * self.rated:
             return "standstill"
+        if self.floats and math.hypot(signals["platform_roll"], signals["platform_pitch"]) > LARGEST_TILT:
+            return "platform_tilt"
+        if self.line_tension is not None and max(signals["fairlead_tension"].tolist()) > self.line_tension:
+            return "line_tension"
         return "tower_strike" if clearance <= 0.0 else None
 
     def punish(self, reward: float, terms: dict[str, float]) -> tuple[float, dict[str, float]]:
@@ -278,7 +297,7 @@ class IdleClock(Term):
     Attributes
     ----------
     time : float
-        Length of the present spell, 0 while there is a reason or the turbine makes power [s].
+        Length of the current spell, 0 while there is a reason or the turbine makes power [s].
     total : float
         Length of all spells of at least `LEAST_SPELL` [s].
     """

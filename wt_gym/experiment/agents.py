@@ -161,7 +161,7 @@ class ControllerAgent:
     def reset(self) -> None:
         """Forget everything: the next `predict` starts afresh."""
         self._controllers: list[Controller] = []
-        # of an environment: what it was asked for, from the demand that the next observation shows to the present one
+        # of an environment: what it was asked for, from the demand that the next observation shows to the current one
         self._asked: list[deque[AgentSetpoint | Demand]] = []
 
     def predict(
@@ -269,7 +269,7 @@ class ShootingPlanner:
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[NDArray[np.float32], Any]:
-        """Action of shape (n_act,) for the present instant of the environment, and the state as it came.
+        """Action of shape (n_act,) for the current instant of the environment, and the state as it came.
 
         The observation is not read: the planner has the environment. Where ``episode_start`` is true the plan is
         forgotten.

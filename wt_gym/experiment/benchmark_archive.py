@@ -109,7 +109,7 @@ class Verified:
     """Largest relative difference of a metric, over those of the recorded run [-]; infinite where the runs ended
     differently."""
     metric: str  #: of that difference
-    other: tuple[str, ...]  #: parts of the fingerprint in which the recorded run differs from the present sources
+    other: tuple[str, ...]  #: parts of the fingerprint in which the recorded run differs from the current sources
 
     @property
     def same(self) -> bool:

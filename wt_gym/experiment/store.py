@@ -288,7 +288,7 @@ class RunStore(FolderLock):
         return self._write(self.file(definition), definition, result)
 
     def _read(self, file: Path, definition: dict[str, Any] | None = None) -> Any:
-        """Read a file, and check it against its name and the behavior of the present version of the package."""
+        """Read a file, and check it against its name and the behavior of the current version of the package."""
         try:
             result: dict[str, Any] = read_json(file)
         except ValueError as error:

@@ -84,7 +84,7 @@ SPACES: dict[str, dict[str, SearchRange]] = {
     "side_side_damper": {"damping": SearchRange(0.005, 0.1, log=True)},
     "yaw": {"dead_band": SearchRange(0.05, 0.3), "slow": SearchRange(10.0, 120.0, log=True)},
 }
-"""Search spaces of the names of the catalogue; a combined controller has those of all its parts."""
+"""Search spaces of the names of the catalog; a combined controller has those of all its parts."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class TuningTask(Options):
 
     title = "tuning"
 
-    controller: str = option("names of the catalogue, or a class of yours as ``path/file.py:Class``", default="ipc")
+    controller: str = option("names of the catalog, or a class of yours as ``path/file.py:Class``", default="ipc")
     reference: str = option("controller that the cost compares with", default=BASELINE)
     winds: tuple[float, ...] = option("mean wind speeds", default=(12.0, 15.0, 18.0), unit="m/s", low=0.0, above=True)
     seeds: tuple[int, ...] = option(

@@ -463,7 +463,7 @@ class LinearVectorEnv(WindTurbineVectorEnv):
 
     @property
     def effects(self) -> NDArray[np.float64]:
-        """Changes of `RAW` at the present decisions (n_envs, 9)."""
+        """Changes of `RAW` at the current decisions (n_envs, 9)."""
         return self._effects[:, len(LOADS) : len(LOADS) + len(RAW)].copy()
 
     def get_attr(self, name: str) -> tuple[Any, ...]:

@@ -177,7 +177,7 @@ class PretrainingOptions(Options):
     title = "pretraining"
 
     rounds: int = option(
-        "recordings under the present policy with an optimization behind each; 0: no pretraining", default=1, low=0
+        "recordings under the current policy with an optimization behind each; 0: no pretraining", default=1, low=0
     )
     episodes: int = option("episodes of a round", default=384, low=2)
     held_out: int = option(

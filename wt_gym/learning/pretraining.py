@@ -1,7 +1,7 @@
 """Pretrain a policy: record episodes, identify what offsets do, follow the gradient of the cost, record again.
 
 Between two recordings the policy changes only in the model, thousands of times faster than in the simulator; each round
-starts from what the present policy really does, so that errors of the model do not add up. Models that plan in a
+starts from what the current policy really does, so that errors of the model do not add up. Models that plan in a
 learned latent state do likewise (Hafner et al., arXiv:1912.01603); here the model is the linear one that also designs
 `wt_gym.control.controllers.linear_optimal`.
 """

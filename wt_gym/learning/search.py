@@ -75,7 +75,7 @@ def _claim(folder: Path, config: TrainingConfig) -> None:
 
 
 def _present(config: TrainingConfig) -> dict[str, Any]:
-    """First trial of a search: the present hyperparameters, where they lie in the search space, as Optuna has them."""
+    """First trial of a search: the current hyperparameters, where they lie in the search space, as Optuna has them."""
     found: dict[str, Any] = {}
     for name, part in SPACES[config.algorithm].items():
         value = config.resolved.get(name)
@@ -115,7 +115,7 @@ def search(
 ) -> dict[str, Any]:
     """Search the hyperparameters of the highest return against the baseline's at the end of a training.
 
-    The first trial are the present hyperparameters, where they lie in the search space. Trials that lag behind the
+    The first trial are the current hyperparameters, where they lie in the search space. Trials that lag behind the
     others are ended early.
 
     Parameters

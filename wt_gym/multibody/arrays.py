@@ -81,6 +81,8 @@ class Tree(NamedTuple):
     constraint_servo: Integers  # (n_con,) servo that turns the first frame; −1: none
     stabilization: float  # Baumgarte's α [1/s]
     projection: int  # 1: the state is put back onto the constraint equations after every step
+    added_body: int  # body with which water moves, on a Cardan joint to the ground; −1: none
+    added_mass: Array  # (6, 6) of that water at the origin of the body, global axes [kg, kg m, kg m²]
 
 
 class Work(NamedTuple):

@@ -38,6 +38,8 @@ from wt_gym.structure.flexible_body import FlexibleBody, Marker
 
 UNIT_NORM = 1e-6
 """Largest deviation of a quaternion's norm from one in a given state. Integrators keep it below 1e-15."""
+MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+"""Coordinates of a Cardan joint."""
 CONSISTENT = 1e-5
 """Largest residual of a constraint equation at the start [m, rad, m/s, rad/s]."""
 
@@ -79,6 +81,7 @@ class MultibodySystem:
         self._markers: list[Marker | None] = []
         self.constraints: list[Constraint] = []
         self._tied: list[tuple[int, int, Marker | None, Marker | None]] = []
+        self._added: tuple[int, Array] = -1, np.zeros((6, 6))
         self.tree: Any = None  # Tree, once it is built
         self._compiled_rates: Callable[..., int] | None = None  # for the types of this system
 
@@ -168,6 +171,32 @@ class MultibodySystem:
         self._tied.append((-1 if first is None else first, -1 if second is None else second, ends[0], ends[1]))
         return len(self.constraints) - 1
 
+    def add_water(self, body: int, added_mass: ArrayLike) -> None:
+        """Let water move with a body that floats.
+
+        Parameters
+        ----------
+        body : int
+            On a Cardan joint to the ground.
+        added_mass : array (6, 6)
+            Symmetric, at the origin of the body along global axes, positive semidefinite [kg, kg m, kg m²].
+
+        Raises
+        ------
+        MultibodyError
+            For another joint, a second body in water, or a matrix that is no inertia.
+        """
+        name = self.bodies[body].name
+        self._check_open(f"the added mass of {name!r}")
+        if self.joints[body].kind != "cardan" or self.parents[body] >= 0 or self._added[0] >= 0:
+            raise MultibodyError(f"added mass must belong to one body on a Cardan joint to the ground, got {name!r}")
+        matrix = numbers(f"body {name!r}", "added_mass", added_mass)
+        if matrix.shape != (6, 6) or not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, rtol=1e-6):
+            raise MultibodyError(f"the added mass of {name!r} must be a symmetric finite matrix (6, 6)")
+        if not np.linalg.eigvalsh(matrix)[0] >= -1e-9 * np.abs(matrix).max():
+            raise MultibodyError(f"the added mass of {name!r} must be positive semidefinite")
+        self._added = body, np.ascontiguousarray(matrix)
+
     def build(self) -> MultibodySystem:
         """Pack everything into arrays; returns self.
 
@@ -209,8 +238,8 @@ class MultibodySystem:
         for body, joint in zip(self.bodies, self.joints, strict=True):
             entry = {"joint_q": n_q, "joint_u": n_u, "servo": n_servo}
             name = joint.name or f"{body.name}_joint"
-            self.coordinate_names += _joint_names(name, joint.n_position)
-            self.velocity_names += _joint_names(name, joint.n_velocity)
+            self.coordinate_names += _joint_names(name, joint.kind, joint.n_position)
+            self.velocity_names += _joint_names(name, joint.kind, joint.n_velocity)
             n_q, n_u = n_q + joint.n_position, n_u + joint.n_velocity
             n_servo += joint.kind == "servo"
             entry |= {"elastic_q": n_q, "elastic_u": n_u}
@@ -315,6 +344,8 @@ class MultibodySystem:
             "n_u": self.n_u,
             "n_servo": self.n_servo,
             "gravity": self.gravity,
+            "added_body": self._added[0],
+            "added_mass": self._added[1],
             **index,
             **self._constraint_arrays(),
         }
@@ -386,7 +417,7 @@ class MultibodySystem:
                 out["marker_rotation"][k, :, :m] = marker.rotation
         for body, joint, entry in zip(self.bodies, self.joints, self._index, strict=True):
             u, q = entry["joint_u"], entry["joint_q"]
-            n_slide = {"revolute": 1, "prismatic": 1, "free": 3}.get(joint.kind, 0)
+            n_slide = {"revolute": 1, "prismatic": 1, "free": 3, "cardan": 6}.get(joint.kind, 0)
             out["dof_q"][u : u + n_slide] = np.arange(q, q + n_slide)
             if joint.kind in ("revolute", "prismatic"):
                 out["dof_stiffness"][u], out["dof_damping"][u] = joint.stiffness, joint.damping
@@ -583,7 +614,9 @@ def _across(axis: Array) -> Array:
     return np.array([first, np.cross(axis, first)])
 
 
-def _joint_names(name: str, count: int) -> list[str]:
+def _joint_names(name: str, kind: str, count: int) -> list[str]:
+    if kind == "cardan":
+        return [f"{name}_{motion}" for motion in MOTIONS]
     return [name] if count == 1 else [f"{name}_{i}" for i in range(count)]
 
 
@@ -594,6 +627,7 @@ _JOINTS = {  # code in the kernels, positions, velocities
     "spherical": (tree_kernels.SPHERICAL, 4, 3),
     "free": (tree_kernels.FREE, 7, 6),
     "servo": (tree_kernels.SERVO, 0, 0),
+    "cardan": (tree_kernels.CARDAN, 6, 6),
 }
 _CONSTRAINTS = {  # code in the kernels, equations
     "weld": (constraint_kernels.WELD, 6),
@@ -609,8 +643,9 @@ class Joint:
     Attributes
     ----------
     kind : str
-        "fixed", "revolute", "prismatic", "spherical", "free", or "servo": a rotation driven by a second-order servo
-        that follows a command, θ̈ = ω² (θ_c − θ) − 2 ζ ω θ̇.
+        "fixed", "revolute", "prismatic", "spherical", "free", "servo": a rotation driven by a second-order servo that
+        follows a command, θ̈ = ω² (θ_c − θ) − 2 ζ ω θ̇, or "cardan": three displacements along the axes of the joint
+        frame, then roll, pitch and yaw with R = R_z R_y R_x, singular at a pitch of 90°.
     axis : array (3,)
         Unit axis of a revolute, servo or prismatic joint, in the joint frame.
     rotation : array (3, 3)

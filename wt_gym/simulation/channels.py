@@ -103,41 +103,87 @@ _PER_BLADE = (
     ("root_flap_moment_max", "N m", "", EVEN, "Largest size of the flapwise root moment since the last sample"),
     ("pitch_travel", "rad", "", EVEN, "Way of the pitch, both directions, since the last sample, over all time steps"),
 )
+_MOTIONS = (("surge", "x", EVEN), ("sway", "y", ODD), ("heave", "z", EVEN),
+            ("roll", "x", ODD), ("pitch", "y", EVEN), ("yaw", "z", ODD))  # fmt: skip
+_PLATFORM = (
+    *((f"platform_{name}", "m" if k < 3 else "rad", f"Ptfm{name.title()}", parity,
+       f"{'Displacement' if k < 3 else 'Rotation'} of the platform at the still water level, {name}")
+      for k, (name, _, parity) in enumerate(_MOTIONS)),
+    *((f"platform_{name}_rate", "m/s" if k < 3 else "rad/s", f"Ptfm{'TR'[k // 3]}V{axis}i", parity,
+       f"{'Velocity' if k < 3 else 'Angular velocity'} of the platform along global {axis}")
+      for k, (name, axis, parity) in enumerate(_MOTIONS)),
+    *((f"platform_{name}_acceleration", "m/s^2" if k < 3 else "rad/s^2", f"Ptfm{'TR'[k // 3]}A{axis}i", parity,
+       f"{'Acceleration' if k < 3 else 'Angular acceleration'} of the platform along global {axis}")
+      for k, (name, axis, parity) in enumerate(_MOTIONS)),
+    ("wave_elevation", "m", "Wave1Elev", EVEN, "Undisturbed elevation of the sea at the origin"),
+)  # fmt: skip
+_PER_LINE = (
+    ("fairlead_tension", "N", "FairTen", EVEN, "Tension of the mooring line at the fairlead"),
+    ("anchor_tension", "N", "AnchTen", EVEN, "Tension of the mooring line at the anchor"),
+)
 
 
 @cache
-def channel_table(n_blades: int) -> tuple[Channel, ...]:
-    """Channels of a turbine with n_blades blades, in the order of ``Signals.values``."""
+def channel_table(n_blades: int, n_lines: int | None = None) -> tuple[Channel, ...]:
+    """Channels of a turbine, in the order of ``Signals.values``.
+
+    Parameters
+    ----------
+    n_blades : int
+    n_lines : int, optional
+        Mooring lines of a floating turbine, whose channels stand last; None: it stands on the ground.
+    """
     table = [Channel(*row, row[0]) for row in _SINGLE]
     for name, unit, openfast, parity, text in _PER_BLADE:
         for i in range(1, n_blades + 1):
             fast = f"{openfast}{i}" if openfast else ""
             table.append(Channel(f"{name}_{i}", unit, fast, parity, f"{text}, blade {i}", name))
+    if n_lines is not None:
+        table += [Channel(*row, row[0]) for row in _PLATFORM]
+        for name, unit, openfast, parity, text in _PER_LINE:
+            for i in range(1, n_lines + 1):
+                table.append(Channel(f"{name}_{i}", unit, f"{openfast}{i}", parity, f"{text}, line {i}", name))
     return tuple(table)
 
 
 @cache
-def parities(n_blades: int) -> Array:
+def parities(n_blades: int, n_lines: int | None = None) -> Array:
     """Parity of each channel, in the order of ``Signals.values``."""
-    signs = np.array([float(channel.parity) for channel in channel_table(n_blades)])
+    signs = np.array([float(channel.parity) for channel in channel_table(n_blades, n_lines)])
     signs.flags.writeable = False
     return signs
 
 
 @cache
-def _layout(n_blades: int) -> tuple[dict[str, int], dict[str, slice]]:
-    """Index of each channel, and the slice of each group of per-blade channels."""
-    index = {channel.name: i for i, channel in enumerate(channel_table(n_blades))}
+def _layout(n_blades: int, n_lines: int | None) -> tuple[dict[str, int], dict[str, slice]]:
+    """Index of each channel, and the slice of each group of channels of blades and mooring lines."""
+    index = {channel.name: i for i, channel in enumerate(channel_table(n_blades, n_lines))}
     start = len(_SINGLE)
     groups = {row[0]: slice(start + k * n_blades, start + (k + 1) * n_blades) for k, row in enumerate(_PER_BLADE)}
+    if n_lines is not None:
+        for k, row in enumerate(_PER_LINE):
+            first = len(index) - (len(_PER_LINE) - k) * n_lines
+            groups[row[0]] = slice(first, first + n_lines)
     return index, groups
 
 
 @cache
-def _places(n_blades: int) -> dict[str, int | slice]:
+def _places(n_blades: int, n_lines: int | None) -> dict[str, int | slice]:
     """Index of each channel and slice of each group, by name."""
-    index, groups = _layout(n_blades)
+    index, groups = _layout(n_blades, n_lines)
     return {**groups, **index}
+
+
+@cache
+def _lines_of(n_values: int, n_blades: int) -> int | None:
+    """Mooring lines of the turbine to which so many values belong."""
+    further = n_values - len(_SINGLE) - n_blades * len(_PER_BLADE)
+    return None if further == 0 else (further - len(_PLATFORM)) // len(_PER_LINE)
+
+
+def place_of(n_blades: int, n_lines: int | None, name: str) -> int:
+    """Index of a channel in ``Signals.values``."""
+    return _layout(n_blades, n_lines)[0][name]
 
 
 class Signals:
@@ -152,7 +198,7 @@ class Signals:
         In the order of :func:`channel_table`; not copied.
     """
 
-    __slots__ = ("_places", "n_blades", "values")
+    __slots__ = ("_places", "n_blades", "n_lines", "values")
 
     if TYPE_CHECKING:  # of all blades (n_blades,); every other channel is a number
         pitch: Array
@@ -173,7 +219,8 @@ class Signals:
 
     def __init__(self, values: Array, n_blades: int) -> None:
         self.values, self.n_blades = values, n_blades
-        self._places = _places(n_blades)
+        self.n_lines = _lines_of(len(values), n_blades)
+        self._places = _places(n_blades, self.n_lines)
 
     if not TYPE_CHECKING:
 
@@ -196,7 +243,7 @@ class Signals:
 
     def _unknown(self, name: str) -> str:
         """Message about a signal that is not there."""
-        known = _layout(self.n_blades)[0]
+        known = _layout(self.n_blades, self.n_lines)[0]
         return f"a signal must be one of {', '.join(known)}; got {name!r}{did_you_mean(name, known)}"
 
     def set(self, name: str, value: ArrayLike) -> None:
@@ -230,7 +277,7 @@ class Signals:
 
     def keys(self) -> tuple[str, ...]:
         """Names of all channels, those of blades with their numbers; with it ``dict(signals)`` works."""
-        return tuple(_layout(self.n_blades)[0])
+        return tuple(_layout(self.n_blades, self.n_lines)[0])
 
     def items(self) -> ItemsView[str, float]:
         """Names and values of all channels, as of a dict."""
@@ -238,14 +285,17 @@ class Signals:
 
     def to_dict(self) -> dict[str, float]:
         """All channels by name (floats)."""
-        return {channel.name: float(v) for channel, v in zip(channel_table(self.n_blades), self.values, strict=True)}
+        return {
+            channel.name: float(v)
+            for channel, v in zip(channel_table(self.n_blades, self.n_lines), self.values, strict=True)
+        }
 
     as_dict = to_dict
 
 
-def new_values(n_blades: int) -> tuple[Array, dict[str, int | slice]]:
+def new_values(n_blades: int, n_lines: int | None = None) -> tuple[Array, dict[str, int | slice]]:
     """An empty vector of channel values, and where in it channels and groups stand, by name."""
-    return np.zeros(len(_layout(n_blades)[0])), _places(n_blades)
+    return np.zeros(len(_layout(n_blades, n_lines)[0])), _places(n_blades, n_lines)
 
 
 _BLADES = re.compile(r"(blade_\d|pitch_|(flap|edge|torsion)_\d+_(collective|cosine|sine))")
@@ -265,7 +315,7 @@ def reflected_shapes(shapes: Mapping[str, Array]) -> dict[str, Array]:
 
     Vorticity is a pseudovector: by the right-hand rule the circulation along a reflected filament has the other sign.
     """
-    signs = {"tower_radius": 1.0, "wake_circulation": -1.0}
+    signs = {"tower_radius": 1.0, "platform_radius": 1.0, "wake_circulation": -1.0}
     return {name: values * signs.get(name, REFLECTION) for name, values in shapes.items()}
 
 
@@ -290,6 +340,8 @@ def state_parity(name: str) -> int:
         return EVEN
     if base in _YAW:
         return ODD
+    if base.startswith("platform_"):
+        return next(parity for name, _, parity in _MOTIONS if base == f"platform_{name}")
     for pattern, parities in ((r"(\w+)_\d+", _PLANES), (r"(?:tower_)?node_\d+_(\w+)", _DIRECTIONS)):
         match = re.fullmatch(pattern, base)
         if match and match[1] in parities:

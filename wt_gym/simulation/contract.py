@@ -13,15 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.base.quantities import Array
+from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals
 from wt_gym.simulation.drivetrain.drives import Drives, check_finite
 from wt_gym.simulation.drivetrain.faults import DriveFault
 from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.turbines import Turbine
+from wt_gym.turbines.variants import REFLECTION_6
 from wt_gym.wind import Inflow, MirroredInflow
 from wt_gym.wind.files import is_described, wind_from
 from wt_gym.wind.inflow import require_cover
 
+LARGEST_SWAY = 5.0
+"""Motion across the wind and up and down that a rotor on a floater is left within the bounds of a wind [m]."""
 WindChoice = Inflow | str | PathLike[str] | Mapping[str, Any]
 """A wind, or what describes one."""
 
@@ -70,7 +74,7 @@ class TurbineSimulator(Protocol):
         @faults.setter
         def faults(self, faults: tuple[DriveFault, ...]) -> None: ...
 
-    def reset(
+    def reset(  # noqa: PLR0913
         self,
         rotor_speed: float,
         pitch: ArrayLike = 0.0,
@@ -80,11 +84,12 @@ class TurbineSimulator(Protocol):
         tower_top: ArrayLike | None = None,
         wake_thrust: float | None = None,
         motion: ArrayLike | None = None,
+        platform: ArrayLike | None = None,
     ) -> Signals:
         """Start at time zero near a steady state; arguments as of `wt_gym.simulation.Simulator.reset`.
 
-        A simulator may leave ``tower_top``, ``wake_thrust`` and ``motion`` aside, which say how the turbine ran
-        before.
+        A simulator may leave ``tower_top``, ``wake_thrust``, ``motion`` and ``platform`` aside, which say how the
+        turbine ran before.
 
         Raises
         ------
@@ -132,6 +137,7 @@ class DrivenSimulator:
     time_step: float
     _n_steps: int
     _faults: tuple[DriveFault, ...] = ()
+    _sea: WaveComponents | None = None
 
     @property
     def inflow(self) -> Inflow:
@@ -154,9 +160,31 @@ class DrivenSimulator:
                 f"{type(self).__name__} needs an inflow with velocity(points, time), for example "
                 f"wt_gym.wind.SteadyInflow(8.0), got {inflow!r:.100}"
             )
-        require_cover(inflow, turbine.hub_height, turbine.rotor_diameter)
+        sway = 0.0 if turbine.floater is None else 2.0 * LARGEST_SWAY
+        require_cover(inflow, turbine.hub_height, turbine.rotor_diameter + sway)
         self._inflow = inflow
         self._felt = MirroredInflow.of(inflow) if self.mirrored else inflow  # by the image that is simulated
+
+    @property
+    def sea(self) -> WaveComponents | None:
+        """Waves that a floating turbine meets, None for still water; they may be exchanged before a reset.
+
+        Raises
+        ------
+        SimulationError
+            If the turbine does not float, or for something else than `wt_gym.hydrodynamics.waves.WaveComponents`.
+        """
+        return self._sea
+
+    @sea.setter
+    def sea(self, sea: WaveComponents | None) -> None:
+        if sea is not None and not isinstance(sea, WaveComponents):
+            raise SimulationError(
+                f"sea must be None or wave components, as SeaState.components gives them, got {sea!r:.100}"
+            )
+        if sea is not None and self.turbine.floater is None:
+            raise SimulationError(f"sea must be None for {self.turbine.name!r}, which does not float")
+        self._sea = sea
 
     @property
     def time(self) -> float:
@@ -183,6 +211,15 @@ class DrivenSimulator:
         if tower_top.shape != (4,) or not np.isfinite(tower_top).all():
             raise ActionError(f"tower_top must be 4 finite numbers, m and m/s, got {tower_top!r:.100}")
         return tower_top * TOWER_TOP_PARITIES if self.mirrored else tower_top
+
+    def _checked_platform(self, platform: ArrayLike | None) -> Array | None:
+        """Slow motion of the platform of the image that is simulated (12,)."""
+        if platform is None:
+            return None
+        platform = np.asarray(platform, dtype=float)
+        if self.turbine.floater is None or platform.shape != (12,) or not np.isfinite(platform).all():
+            raise ActionError(f"platform must be 12 finite numbers of a turbine that floats, got {platform!r:.100}")
+        return platform * np.tile(REFLECTION_6, 2) if self.mirrored else platform
 
     def _steps_in(self, duration: float, **demands: float) -> int:
         """Number of time steps in a duration [s], of which there must be a whole number; demands must be finite."""

@@ -103,9 +103,9 @@ class DeformedBasis:
     Attributes
     ----------
     basis : array (n_dof, n)
-        Nodal displacements of the present modes; part of the state of the simulation.
+        Nodal displacements of the current modes; part of the state of the simulation.
     frequency : array (n,)
-        Of the present modes of the blade clamped to the turning hub [Hz].
+        Of the current modes of the blade clamped to the turning hub [Hz].
     """
 
     def __init__(self, models: TurbineModels) -> None:
@@ -130,7 +130,7 @@ class DeformedBasis:
             self.install()
 
     def install(self) -> None:
-        """Bodies and points of the blades in the present basis."""
+        """Bodies and points of the blades in the current basis."""
         models, structure, tree = self._models, self._models.structure, self._models.structure.system.tree
         blade, twists = models.turbine.blade, models.fidelity.blade_modes[2] > 0
         body = FlexibleBody.from_beam("blade", self._beam, self.basis, blade.damping_ratio, complete=twists)
@@ -156,7 +156,7 @@ class DeformedBasis:
         return self.tangent.matrices(*self._mean(y, work, forces))
 
     def update(self, history: History, loads: Sequence[Array], work: Work, forces: Array) -> None:
-        """New modes about the present state, which passes over to them.
+        """New modes about the current state, which passes over to them.
 
         Parameters
         ----------

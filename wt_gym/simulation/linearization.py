@@ -12,7 +12,7 @@ the blades is frozen, as is the influence of the bound rings on each other; a ch
 Small motions change the boundary condition, circulation, decambering and forces. The force of the changing circulation
 (added mass) and the memory of the shed vorticity are off: the result is an aerodynamic stiffness and damping.
 
-- ``"quasi_steady"``: the near wake, half a second old at most, carries the present circulation of the blades, as it
+- ``"quasi_steady"``: the near wake, half a second old at most, carries the current circulation of the blades, as it
   does soon after a change; only the older wake is frozen. Right for changes that last longer than the travel of some
   chords and shorter than the time in which the induction of the whole wake changes, D/V. It follows the tower-top
   motion and speed of the NREL 5-MW after steps of pitch, torque and wind within 10 %, blade-root moments within 30 %.
@@ -35,7 +35,8 @@ from wt_gym.aerodynamics import AeroState
 from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.aerodynamics.wake.wake_kernels import velocity_behind_disc
 from wt_gym.base.errors import SimulationError, did_you_mean
-from wt_gym.base.quantities import Array
+from wt_gym.base.quantities import GRAVITY, Array
+from wt_gym.hydrodynamics.loads import PlatformLoads
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.channels import channel_table, parities, state_parities
 from wt_gym.simulation.contract import SimulatorState
@@ -43,7 +44,7 @@ from wt_gym.simulation.linear_model import LinearModel, SteadyPoint, multiblade_
 from wt_gym.simulation.models import place_nacelle
 from wt_gym.simulation.step import coupling_kernels
 from wt_gym.simulation.step.coupling import Coupling
-from wt_gym.simulation.step.coupling_data import Extremes, MeasuredState, Measurement, TowerAir
+from wt_gym.simulation.step.coupling_data import Extremes, MeasuredState, Measurement, TowerAir, Water
 from wt_gym.turbines import Turbine
 from wt_gym.wind import Inflow, MirroredInflow, SteadyInflow
 
@@ -92,7 +93,7 @@ def linearize(  # noqa: PLR0913
         [m/s] at hub height, with the profile of the simulator's inflow; by default its own speed.
     rotor_speed : float, optional
         [rad/s]; zero for a parked rotor. Without it and without an operating point the model is made about the
-        simulator's present state with its present wake, whether that is steady or not.
+        simulator's present state with its current wake, whether that is steady or not.
     pitch : float or array (n_blades,), optional
         [rad], default 0.
     yaw : float
@@ -142,7 +143,7 @@ def linearize(  # noqa: PLR0913
         point, wakes = trim_plant(
             plant, rotor_speed, 0.0 if pitch is None else pitch, yaw, generator_torque, azimuth, n_azimuths
         )
-    names = _output_names(plant.n_blades, outputs)
+    names = _output_names(plant.turbine, outputs)
     count = len(point.azimuth) if multiblade else 1
     models = []
     for k in range(count):
@@ -166,13 +167,14 @@ def _reflected_point(point: SteadyPoint, plant: FrozenPlant) -> SteadyPoint:
         point,
         yaw=-point.yaw,
         states=point.states * state_parities(plant.system.state_names),
-        outputs=point.outputs * parities(plant.n_blades),
+        outputs=point.outputs * parities(plant.n_blades, plant.turbine.n_lines),
     )
 
 
 def _reflected_model(model: LinearModel, plant: FrozenPlant) -> LinearModel:
     """The linear model of a turbine from that of its mirror image, see `wt_gym.simulation.channels`."""
-    channels = dict(zip((c.name for c in channel_table(plant.n_blades)), parities(plant.n_blades), strict=True))
+    size = plant.n_blades, plant.turbine.n_lines
+    channels = dict(zip((c.name for c in channel_table(*size)), parities(*size), strict=True))
     inputs = np.array([-1.0 if name in ("yaw", "wind_y") else 1.0 for name in model.input_names])
     outputs = np.array([channels.get(name, 1.0) for name in model.output_names])  # names of no channel are of blades
     states = state_parities(model.state_names)
@@ -317,7 +319,7 @@ def _mean_outputs(plant: FrozenPlant, states: Sequence[Array], wakes: Sequence[W
 
 
 def _present(plant: FrozenPlant, simulator: LinearizedSimulator) -> tuple[SteadyPoint, list[Wake | None]]:
-    """The simulator's present state as an operating point, with its present wake."""
+    """The simulator's present state as an operating point, with its current wake."""
     state = simulator.state().arrays
     y = state["history_y"][-1].copy()
     command = state["command"]
@@ -337,9 +339,10 @@ def _present(plant: FrozenPlant, simulator: LinearizedSimulator) -> tuple[Steady
 # ---- difference quotients --------------------------------------------------------------------------------------------
 
 
-def _output_names(n_blades: int, chosen: str | Sequence[str] | None) -> tuple[str, ...]:
+def _output_names(turbine: Turbine, chosen: str | Sequence[str] | None) -> tuple[str, ...]:
     """Channel names from channels and groups of blade channels."""
-    known = [c.name for c in channel_table(n_blades) if c.group not in Extremes._fields]
+    n_blades = turbine.n_blades
+    known = [c.name for c in channel_table(n_blades, turbine.n_lines) if c.group not in Extremes._fields]
     if chosen is None:
         return tuple(name for name in known if name != "time")
     out = []
@@ -357,7 +360,7 @@ def _output_names(n_blades: int, chosen: str | Sequence[str] | None) -> tuple[st
 def _differentiate(plant: FrozenPlant, point: SteadyPoint, k: int, output_names: tuple[str, ...]) -> LinearModel:
     """Central differences of rates and outputs about the state at one azimuth."""
     y, system = point.states[k], plant.system
-    channels = [c.name for c in channel_table(plant.n_blades)]
+    channels = [c.name for c in channel_table(plant.n_blades, plant.turbine.n_lines)]
     chosen = [channels.index(name) for name in output_names]
     turns = np.array([channels[i] in ("azimuth", "yaw_error") for i in chosen])
     locked = {plant.structure.azimuth_q, system.n_q + plant.structure.azimuth_u} if plant.hold_speed else set()
@@ -424,10 +427,10 @@ class LinearizedSimulator(Protocol):
 
     @property
     def coupling(self) -> Coupling:
-        """Structure and air in their present state."""
+        """Structure and air in their current state."""
 
     def state(self) -> SimulatorState:
-        """Copy of the present state."""
+        """Copy of the current state."""
 
 
 @dataclass(frozen=True)
@@ -499,6 +502,11 @@ class FrozenPlant:
                 "frames need 'clamped', with which their equations are those of the structure's coordinates"
             )
         self.inflow, self._wind = inflow, _Gust(inflow)
+        floater = self.turbine.floater
+        self._platform = None if floater is None else PlatformLoads(replace(floater, gravity=GRAVITY), models.time_step)
+        self._water = None
+        if self._platform is not None:
+            self._water = Water.of(self.turbine, self.structure, self._platform.arrays)
         self.with_air, self.hold_speed = aerodynamics != "none", hold_speed
         self._near_wake = NEAR_WAKE if aerodynamics == "quasi_steady" else 0.0
         self._allocate()
@@ -642,7 +650,7 @@ class FrozenPlant:
         return self._frozen(aero, self._angle(y), *self._shaft())
 
     def _frozen(self, aero: AeroState, angle: float, center: Array, axis: Array) -> Wake:
-        """Freeze the wake of a lattice that belongs to the present nodes; its youngest rings follow the blades.
+        """Freeze the wake of a lattice that belongs to the current nodes; its youngest rings follow the blades.
 
         A ring of the near wake takes the circulation of its strip at the trailing edge, like the newest ring: its
         influence joins that of the strip's last bound ring, and what it induced goes out of the frozen velocity.
@@ -707,6 +715,7 @@ class FrozenPlant:
     def _load(self, y: Array) -> None:
         """Loads of the air for the state y into the inputs; kinematics are up to date."""
         self._move(y)
+        self._float()
         if not self.with_air:
             return
         wake = self.wake
@@ -728,6 +737,15 @@ class FrozenPlant:
         self._tower.wind[:] = self._wind.velocity(self._tower_axis, 0.0)
         coupling_kernels.tower_drag(y, self.system.tree, self.work, self._tower, loads[1][self.structure.tower])
         loads[0] = loads[1]
+
+    def _float(self) -> None:
+        """Static loads of water and lines on a floater; kinematics are up to date."""
+        b = self.structure.floater
+        if self._platform is None or b is None:
+            return
+        rotation = self.work.rot[b]
+        force = self._platform.static_force(self.work.r[b].copy(), rotation.copy())
+        self.inputs.body_loads[:, b, :3], self.inputs.body_loads[:, b, 3:6] = force[:3] @ rotation, force[3:] @ rotation
 
     def rates(self, y: Array) -> Array:
         """dy/dt (n_state,) of the structure in the state y."""
@@ -753,5 +771,5 @@ class FrozenPlant:
         nodes, _, forces = self._flat
         instant = MeasuredState(y, dy, self.inputs.body_loads[1], self.work, nodes, forces)
         torque = self.reaction if self.hold_speed else self._command[0]
-        self._measurement.take(0.0, instant, torque, self._command[:-3], self._wind)
+        self._measurement.take(0.0, instant, torque, self._command[:-3], self._wind, self._water)
         return self._measurement.values.copy()

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -22,6 +22,8 @@ from wt_gym.simulation.contract import TurbineSimulator
 if TYPE_CHECKING:
     import xarray as xr
     from xarray import Dataset
+
+    from wt_gym.simulation.component_loads import ComponentLoads
 
 Variable = tuple[str | tuple[str, ...], Array, dict[str, str]]
 """Names of the axes, values and attributes."""
@@ -133,6 +135,8 @@ class Recorder:
     ----------
     simulator : Simulator
         Gives the channels, the attributes of the data set, and the multipliers if it has any.
+    loads : {"none", "joints", "sections"}
+        Loads beside the channels, of a `Simulator` alone, see `wt_gym.simulation.component_loads`.
     **attributes
         Further attributes of the data set (numbers and strings).
 
@@ -143,8 +147,14 @@ class Recorder:
     >>> recorder.to_dataset().to_netcdf("run.nc", engine="h5netcdf")  # doctest: +SKIP
     """
 
-    def __init__(self, simulator: TurbineSimulator, **attributes: float | str) -> None:
-        self.channels = channel_table(simulator.turbine.n_blades)
+    def __init__(self, simulator: TurbineSimulator, loads: str = "none", **attributes: float | str) -> None:
+        self.channels = channel_table(simulator.turbine.n_blades, simulator.turbine.n_lines)
+        self._loads: ComponentLoads | None = None
+        if loads != "none":
+            from wt_gym.simulation.component_loads import ComponentLoads  # only needed here
+
+            self._loads = ComponentLoads(cast(Any, simulator), loads)
+            self.channels += self._loads.channels
         self.attributes = {
             "turbine": simulator.turbine.name,
             "rotation": simulator.turbine.rotation,
@@ -168,11 +178,16 @@ class Recorder:
         Parameters
         ----------
         signals : Signals
-            Multipliers belong to signals of the simulator's present instant; to others not a number is stored.
+            Loads and multipliers belong to signals of the simulator's current instant; to others not a number is
+            stored.
         """
-        self._rows.append(signals.values.copy())
-        if self._held is not None:
-            self._multipliers.append(_multipliers_at(self._held, signals))
+        row = signals.values.copy()
+        if (loads := self._loads) is not None:
+            row = np.append(row, _at_instant(loads.simulator, signals, loads.read, len(loads.channels)))
+        self._rows.append(row)
+        if (held := self._held) is not None:
+            read = cast(Any, held).root_multipliers
+            self._multipliers.append(_at_instant(held, signals, read, (held.turbine.n_blades, 6)))
 
     def to_dataset(self) -> Dataset:
         """Data set with one variable a channel over ``time``; units, description and OpenFAST name as attributes.
@@ -209,18 +224,19 @@ class Recorder:
         write_recording(Path(path), self.to_dataset())
 
 
-def _multipliers_at(simulator: TurbineSimulator, signals: Signals) -> Array:
-    """Multipliers (n_blades, 6) of the instant of the signals; not a number where the simulator is not there.
+def _at_instant(
+    simulator: TurbineSimulator, signals: Signals, read: Callable[[], Array], shape: int | tuple[int, ...]
+) -> Array:
+    """Result of ``read``, of the instant of the signals; not a number where the simulator is not there.
 
     After a failed step the signals at hand are those of the step before, and the state has no meaning.
     """
     if signals.values[0] == simulator.time:
         try:
-            result: Array = cast(Any, simulator).root_multipliers()
-            return result
+            return read()
         except SimulationError:
             pass
-    return np.full((simulator.turbine.n_blades, 6), np.nan)
+    return np.full(shape, np.nan)
 
 
 def _multiplier_variables(multipliers: Array) -> dict[str, Variable]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from wt_gym.aerodynamics.options import AerodynamicsError
 from wt_gym.base.errors import ActionError, InflowError, SimulationError
 from wt_gym.base.quantities import Array
+from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.multibody.arrays import Drift, MultibodyError
 from wt_gym.multibody.system import check_state
 from wt_gym.multibody.tree.point_kernels import point_motion
@@ -33,7 +34,7 @@ from wt_gym.wind import Inflow
 if TYPE_CHECKING:
     from wt_gym.simulation.linear_model import LinearModel, RotorPoint
 
-_Arguments = tuple[Turbine, Inflow, Fidelity, int, GeneratorLaw]
+_Arguments = tuple[Turbine, Inflow, Fidelity, int, GeneratorLaw, WaveComponents | None]
 
 
 class Simulator(DrivenSimulator):
@@ -42,7 +43,7 @@ class Simulator(DrivenSimulator):
     Parameters
     ----------
     turbine : str, path or Turbine
-        Name in the catalogue, path of a windIO file or OpenFAST model (.fst), or a turbine.
+        Name in the catalog, path of a windIO file or OpenFAST model (.fst), or a turbine.
     inflow : Inflow, path or mapping
         Undisturbed wind, or what describes it (`wt_gym.wind.files`). A turbulence box must reach around the rotor.
     fidelity : str or Fidelity, optional
@@ -53,6 +54,8 @@ class Simulator(DrivenSimulator):
     generator : "torque", "damper" or GeneratorLaw, optional
         What loads the rotor: a torque that is demanded, which is what most turbines have; the damper of the turbine,
         see `wt_gym.turbines.variants.with_damper`; or a law, see `wt_gym.simulation.drivetrain.drives`.
+    sea : WaveComponents, optional
+        Waves, where the turbine floats; by default the water is still.
 
     Attributes
     ----------
@@ -61,7 +64,7 @@ class Simulator(DrivenSimulator):
     time_step : float
         Aerodynamic step [s]; ``advance`` takes whole numbers of it.
     coupling : Coupling
-        Structure and air in their present state.
+        Structure and air in their current state.
     mirrored : bool
         Whether the rotor turns counter-clockwise. Structure, lattice, coupling and drives are then those of the mirror
         image, whose rotor turns clockwise, in the mirrored wind (`wt_gym.simulation.channels`); arguments, signals
@@ -84,6 +87,7 @@ class Simulator(DrivenSimulator):
         fidelity: str | Fidelity | None = None,
         threads: int = 1,
         generator: str | GeneratorLaw | None = None,
+        sea: WaveComponents | None = None,
     ) -> None:
         turbine = turbine if isinstance(turbine, Turbine) else load_turbine(turbine)
         choice = choose_fidelity(turbine, fidelity)
@@ -91,6 +95,7 @@ class Simulator(DrivenSimulator):
         image = clockwise_image(self.turbine)
         self.mirrored = image is not self.turbine
         self.inflow, self.fidelity, self._threads = inflow, fidelity_of(choice), threads
+        self.sea = sea
         self.drives = Drives(image, law)
         compile_once(Coupling, image, self.fidelity, partial(compile_ahead, Simulator))
         models = assemble(image, self.fidelity, threads, self.drives.generator.damping)
@@ -101,11 +106,11 @@ class Simulator(DrivenSimulator):
         self._measurement = Measurement(image, self.structure, self.coupling.gauges)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
         self._n_steps, self._started = 0, False
-        self._compiled = False
+        self._compiled, self._met = False, cast("WaveComponents | None", None)
 
     def __getstate__(self) -> tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None]:
         """What a copy or a pickle takes along: the arguments and the state; the rest is rebuilt from them."""
-        arguments = self.turbine, self.inflow, self.fidelity, self._threads, self.drives.sound_generator
+        arguments = self.turbine, self.inflow, self.fidelity, self._threads, self.drives.sound_generator, self.sea
         return arguments, self._faults, self.state() if self._started else None
 
     def __setstate__(self, kept: tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None]) -> None:
@@ -121,9 +126,11 @@ class Simulator(DrivenSimulator):
         """Signals at the current time, a fresh copy."""
         self._require_start()
         values, n_blades = self._measurement.values, self.turbine.n_blades
-        return Signals(values * parities(n_blades) if self.mirrored else values.copy(), n_blades)
+        if self.mirrored:
+            return Signals(values * parities(n_blades, self.turbine.n_lines), n_blades)
+        return Signals(values.copy(), n_blades)
 
-    def reset(
+    def reset(  # noqa: PLR0913
         self,
         rotor_speed: float,
         pitch: ArrayLike = 0.0,
@@ -133,6 +140,7 @@ class Simulator(DrivenSimulator):
         tower_top: ArrayLike | None = None,
         wake_thrust: float | None = None,
         motion: ArrayLike | None = None,
+        platform: ArrayLike | None = None,
     ) -> Signals:
         """Start at time zero near a steady state: developed wake, deflected structure that turns with the rotor.
 
@@ -158,6 +166,9 @@ class Simulator(DrivenSimulator):
             Motion of the structure, as `motion` gives it of a simulator with the same turbine and fidelity, to continue
             with its velocities and accelerations; ``tower_top`` is then left aside. Modal coordinates, formulation
             "embedded" and an explicit integrator only.
+        platform : array (12,), optional
+            Slow motion of a floating turbine at the start: surge, sway, heave, roll, pitch, yaw and their rates
+            [m, rad; m/s, rad/s], by default those of the balance. The motion by the waves of the start is added to it.
 
         Raises
         ------
@@ -174,11 +185,12 @@ class Simulator(DrivenSimulator):
         if motion is not None:
             motion = np.asarray(motion, dtype=float)
             size = self.structure.n_motion
-            if not self.fidelity.takes_motion or motion.shape != (size,) or not np.isfinite(motion).all():
+            if not self.takes_motion or motion.shape != (size,) or not np.isfinite(motion).all():
                 raise ActionError(
-                    f"motion must be {size} finite numbers, for modal coordinates, formulation 'embedded' and an "
-                    f"explicit integrator; got shape {motion.shape} for {self.fidelity!r:.200}"
+                    f"motion must be {size} finite numbers, for modal coordinates, formulation 'embedded', an explicit "
+                    f"integrator and a turbine on the ground; got shape {motion.shape} for {self.fidelity!r:.200}"
                 )
+        platform = self._checked_platform(platform)
         if wake_thrust is not None:
             check_finite(wake_thrust=wake_thrust)
         if not self._compiled:  # to look that up takes as long as half a start
@@ -186,8 +198,11 @@ class Simulator(DrivenSimulator):
             self._compiled = True
         self.drives.start(pitch, -yaw if self.mirrored else yaw, rotor_speed, generator_torque)
         self._n_steps, self._started = 0, False
+        self._meet_sea()
         try:
-            self._starter.balance(rotor_speed, azimuth, generator_torque, self._felt, tower_top, wake_thrust, motion)
+            self._starter.balance(
+                rotor_speed, azimuth, generator_torque, self._felt, tower_top, wake_thrust, motion, platform
+            )
         except (MultibodyError, AerodynamicsError, SimulationError, InflowError) as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
         self._started = True
@@ -275,6 +290,7 @@ class Simulator(DrivenSimulator):
             raise SimulationError(f"the snapshot holds no state: {error}") from error
         self._n_steps = state.n_steps
         self._started = True
+        self._meet_sea()
         self.coupling.resume()
 
     def root_multipliers(self) -> Array:
@@ -318,6 +334,11 @@ class Simulator(DrivenSimulator):
             loads[4] += depth * force[0]
         return reflected_loads(loads) if self.mirrored else loads
 
+    @property
+    def takes_motion(self) -> bool:
+        """Whether a start may continue a motion."""
+        return self.fidelity.takes_motion and self.turbine.floater is None
+
     def tower_top(self) -> Array:
         """Motion of the tower top as it is now, in the form that `reset` takes.
 
@@ -327,13 +348,12 @@ class Simulator(DrivenSimulator):
             Displacement along and across the heading of the nacelle [m] and its rates [m/s].
         """
         self._require_start()
-        coupling, nacelle = self.coupling, self.structure.nacelle
+        coupling = self.coupling
         coupling.move_lattice(coupling.integrator.state)
         work, yaw = coupling.integrator.work, self.drives.command[1]
         cos, sin = np.cos(yaw), np.sin(yaw)
         to_heading = np.array([[cos, sin], [-sin, cos]])
-        velocity = work.rot[nacelle] @ work.v[nacelle]
-        top = np.concatenate([to_heading @ work.r[nacelle, :2], to_heading @ velocity[:2]])
+        top = np.concatenate([to_heading @ part for part in self.structure.tower_deflection(work)])
         return top * TOWER_TOP_PARITIES if self.mirrored else top
 
     def motion(self) -> Array:
@@ -389,7 +409,8 @@ class Simulator(DrivenSimulator):
         dict
             "blades" (n_blades, n_chord + 1, n_span + 1, 3) ring nodes; "wake" (n_rows + 1, n_blades, n_span + 1, 3);
             "wake_circulation" (n_rows, n_blades, n_span) [m²/s], of a counter-clockwise rotor with the other sign;
-            "tower" (n, 3) axis and "tower_radius" (n,); "hub" (3,); "nacelle" (2, 3) ends of the shaft.
+            "tower" (n, 3) axis and "tower_radius" (n,); "hub" (3,); "nacelle" (2, 3) ends of the shaft. Of a floating
+            turbine also "platform" (n, 2, 3), axes of its members, "platform_radius" (n,), "lines" (n_lines, n, 3).
         """
         self._require_start()
         coupling, s, y = self.coupling, self.structure, self.coupling.integrator.state
@@ -407,7 +428,18 @@ class Simulator(DrivenSimulator):
             "hub": work.r[s.hub].copy(),
             "nacelle": np.array([work.r[s.hub], work.r[s.generator]]),
         }
+        if coupling.platform is not None and s.floater is not None:
+            segments, radius = coupling.platform.outline()
+            shapes["platform"] = work.r[s.floater] + segments @ work.rot[s.floater].T
+            shapes["platform_radius"], shapes["lines"] = radius, coupling.platform.line_points()
         return reflected_shapes(shapes) if self.mirrored else shapes
+
+    def _meet_sea(self) -> None:
+        """Let the floater meet the waves of now."""
+        if self._met is not self._sea:
+            sea = self._sea.mirrored() if self.mirrored and self._sea is not None else self._sea
+            self.coupling.set_sea(sea)
+            self._met = self._sea
 
     def _require_start(self) -> None:
         if not self._started:
@@ -417,7 +449,7 @@ class Simulator(DrivenSimulator):
         """Fill the channel values from the current state, without a past."""
         coupling, drives = self.coupling, self.drives
         torque = drives.torque(coupling.generator_speed)
-        self._measurement.take(self.time, coupling.instant, torque, drives.command, self._felt)
+        self._measurement.take(self.time, coupling.instant, torque, drives.command, self._felt, coupling.exchange.water)
 
 
 def _check_damper(turbine: Turbine, flexible: bool, time_step: float) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -29,10 +29,10 @@ def elastic_equilibrium(
     y: Array,
     inputs: Inputs,
     work: Work,
-    azimuth_q: int,
-    azimuth_u: int,
+    free: Sequence[int],
     of_forces: bool = False,
     accelerations: float | Array = 0.0,
+    load: Callable[[Array], None] | None = None,
 ) -> None:
     """Newton's method for elastic coordinates that do not accelerate, or as told; the rotor's own acceleration is free.
 
@@ -42,18 +42,20 @@ def elastic_equilibrium(
     Parameters
     ----------
     system : MultibodySystem
-        Every velocity but ``azimuth_u`` belongs to an elastic coordinate or spring.
+        Without quaternions.
     y : array (n_state,)
         State, of whose coordinates the elastic ones change in place.
     inputs, work : arrays of the system
-    azimuth_q, azimuth_u : int
-        The coordinate and velocity that turn freely.
+    free : sequence of int
+        Coordinates that move freely and stay where they are, and so their velocities: the rotor's.
     of_forces : bool
-        Balance forces, r = f − M_a u̇_a with the column M_a of the velocity that turns freely and u̇_a = f_a/M_aa,
+        Balance forces, r = f − M_a u̇_a with the columns M_a of the velocities that are free and u̇_a = M_aa⁻¹ f_a,
         instead of accelerations. In nodal coordinates the accelerations of one small turn of a node exceed those of a
         bent blade so far that differences show nothing of these.
-    accelerations : float or array (n_u - 1,)
+    accelerations : float or array (n_u - n_free,)
         That the elastic velocities are to have; with forces 0.
+    load : callable, optional
+        Brings the inputs up to date that depend on the state (n_state,), as the loads of a floater do.
 
     Raises
     ------
@@ -62,17 +64,21 @@ def elastic_equilibrium(
     MultibodyError
         When the mass matrix is singular at the start.
     """
-    q = np.array([i for i in range(system.n_q) if i != azimuth_q], dtype=int)
-    u = np.array([i for i in range(system.n_u) if i != azimuth_u], dtype=int) + system.n_q
+    at_rest = [k for k in range(system.n_u) if k not in free]
+    q, u = np.array(at_rest, dtype=int), np.array(at_rest, dtype=int) + system.n_q
     if len(q) == 0:
         return
+    rest, freely = np.array(at_rest), np.array(free)
 
     def residual(state: Array) -> Array:
+        if load is not None:
+            load(state)
         if not of_forces:
             return np.asarray(system.rates(state, inputs, work)[u] - accelerations)
         mass, force = system.balance(state, inputs, work)
-        column = np.concatenate([mass[azimuth_u, :azimuth_u], mass[azimuth_u:, azimuth_u]])
-        return np.asarray((force - column * (force[azimuth_u] / mass[azimuth_u, azimuth_u]))[u - system.n_q])
+        mass = np.tril(mass) + np.tril(mass, -1).T
+        moved = np.linalg.solve(mass[np.ix_(freely, freely)], force[freely])
+        return np.asarray(force[rest] - mass[np.ix_(rest, freely)] @ moved)
 
     following: Array | None
     (jacobian, change), fresh = _newton_step(residual, y, q), True
@@ -153,6 +159,7 @@ class Starter:
         tower_top: Array | None = None,
         wake_thrust: float | None = None,
         motion: Array | None = None,
+        platform: Array | None = None,
     ) -> None:
         """Balance turbine, wake and air, and begin to move; pitch and yaw are those that the drives have started with.
 
@@ -164,12 +171,15 @@ class Starter:
             High-speed shaft [N m]; None: what balances the torque of the air.
         tower_top : array (4,), optional
             Displacement of the tower top along and across the heading of the nacelle [m] and its rates [m/s]; by
-            default the balance, at rest.
+            default the balance, at rest, as on any floater.
         wake_thrust : float, optional
             Mean thrust in the time before, to which the wake belongs [N]; by default that of the balance.
         motion : array (n,), optional
             Of the structure (`TurbineStructure.motion`): it continues with its velocities and accelerations, deformed
             as the loads of the start make it.
+        platform : array (12,), optional
+            Slow motion of a floater: displacement and its rates [m, rad; m/s, rad/s], by default the balance at rest.
+            The motion by the waves of time zero is added to it.
 
         Raises
         ------
@@ -182,21 +192,22 @@ class Starter:
         for each in {balanced, coupling}:
             each.restart()
         balanced.aero.clear()  # the tower stands in what the last wake slowed
-        y = self._rigid_state(rotor_speed, azimuth)
+        y, radiation = self._rigid_state(rotor_speed, azimuth), None
         if motion is not None:
             accelerations = balanced.models.structure.move(y, motion, self.drives.command[1])
             self._find_equilibrium(y, rotor_speed, generator_torque, inflow, wake_thrust, accelerations)
         else:
             self._find_equilibrium(y, rotor_speed, generator_torque, inflow, wake_thrust)
             self._turn_loads(y, rotor_speed, azimuth)
-            if tower_top is not None:
+            if tower_top is not None and balanced.platform is None:
                 self._sway(y, tower_top)
+            radiation = self._float(y, platform)
         if balanced is not coupling:
             y = coupling.models.structure.adopt(balanced.models.structure, y)
             coupling.aero.assign(balanced.aero)
             coupling.integrator.inputs.body_loads[:] = balanced.integrator.inputs.body_loads
             self._act(coupling)
-        coupling.begin(y)
+        coupling.begin(y, radiation)
 
     def _act(self, coupling: Coupling) -> None:
         self.drives.act(coupling.integrator.inputs, coupling.models.structure.azimuth_u, first=0)
@@ -230,14 +241,56 @@ class Starter:
             for own, rate in zip(u, slope @ np.array(q), strict=True):
                 own[:] = rate
 
+    def _float(self, y: Array, platform: Array | None) -> Array | None:
+        """Motion of a floater (y, in place) amid its waves; returns the memory of the water.
+
+        To the balance, or a slow motion in its place, the harmonic answer to the waves of time zero is added. The
+        elastic coordinates then balance the loads of this instant, the floater moving freely.
+        """
+        c = self._balanced
+        s, response, b = c.models.structure, c.wave_response, c.models.structure.floater
+        if response is None or b is None:
+            return None
+        system, q = s.system, s.system.index(b, "joint_q")
+        places = q + np.arange(6)
+        amid = response.start(*self._rigid_body(y, places))
+        if platform is None and not np.any(amid.displacement):
+            return None
+        if platform is not None:
+            y[places], y[system.n_q + places] = platform[:6], platform[6:]
+        y[places] += amid.displacement
+        y[system.n_q + places] += amid.velocity
+        c.begin_to_float(y, amid.radiation)
+        elastic_equilibrium(system, y, c.integrator.inputs, c.integrator.work, (s.azimuth_u, *places.tolist()),
+                            _balances_forces(c.models.fidelity))  # fmt: skip
+        return amid.radiation
+
+    def _rigid_body(self, y: Array, places: Integers, step: float = 1e-3) -> tuple[Array, Array]:
+        """Mass and stiffness (6, 6) of turbine and floater as one rigid body about a balance."""
+        c = self._balanced
+        system, inputs, work = c.models.structure.system, c.integrator.inputs, c.integrator.work
+
+        def force(state: Array) -> tuple[Array, Array]:
+            c.float_at_rest(state)
+            mass, forces = system.balance(state, inputs, work)
+            return mass[np.ix_(places, places)].copy(), forces[places].copy()
+
+        columns = []
+        for place in places:
+            up, down = y.copy(), y.copy()
+            up[place], down[place] = up[place] + step, down[place] - step
+            columns.append((force(down)[1] - force(up)[1]) / (2.0 * step))
+        mass = force(y)[0]
+        return np.tril(mass) + np.tril(mass, -1).T, np.array(columns).T
+
     def _sway(self, y: Array, tower_top: Array) -> None:
         """Displacement and motion of the tower top (y, in place) in its first modes."""
         c = self._balanced
         s, yaw = c.models.structure, self.drives.command[1]
         cos, sin = np.cos(yaw), np.sin(yaw)
-        turn = np.array([[cos, -sin], [sin, cos]])  # from the heading to global axes
+        turn = np.array([[cos, -sin], [sin, cos]])  # from the heading to axes of the base
         c.move_lattice(y)
-        moved = turn @ tower_top[:2] - c.integrator.work.r[s.nacelle, :2]
+        moved = turn @ tower_top[:2] - s.tower_deflection(c.integrator.work)[0]
         q, u = s.elastic(s.tower, y)
         q += s.tower_sway @ moved
         u += s.tower_sway @ (turn @ tower_top[2:])
@@ -260,8 +313,9 @@ class Starter:
         for k in range(PASSES):
             last = k == PASSES - 1
             induced = self._balance_air(y, rotor_speed, generator_torque, inflow, induced, last, wake_thrust)
-            elastic_equilibrium(s.system, y, c.integrator.inputs, c.integrator.work, s.azimuth_q, s.azimuth_u,
-                                _balances_forces(c.models.fidelity), accelerations=accelerations)  # fmt: skip
+            elastic_equilibrium(s.system, y, c.integrator.inputs, c.integrator.work, (s.azimuth_u,),
+                                _balances_forces(c.models.fidelity), accelerations,
+                                None if c.platform is None else c.float_at_rest)  # fmt: skip
 
     def _balance_air(
         self,

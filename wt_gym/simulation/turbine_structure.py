@@ -21,7 +21,7 @@ import numpy as np
 
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.quantities import Array, Integers
-from wt_gym.multibody.arrays import Points
+from wt_gym.multibody.arrays import Points, Work
 from wt_gym.multibody.system import Constraint, Joint, MultibodySystem
 from wt_gym.simulation.fidelity import Fidelity
 from wt_gym.structure.beam import Beam, BeamSections, skew
@@ -66,6 +66,7 @@ class TurbineStructure:
     tower_field: tuple[Beam, Array]
     """blade_field, tower_field: finite elements of a blade and the tower, and the nodal displacements of their
     coordinates; (Beam, array (n_dof, n))."""
+    floater: int | None  #: Body index of a platform, on a Cardan joint at the still water level; None on the ground
     tower_sway: Array
     """Elastic coordinates of the tower as it swings in the first mode along global x and y, for 1 m of its top; array
     (n_f, 2)."""
@@ -129,6 +130,22 @@ class TurbineStructure:
             part[along] = (cos * x - sin * z) / top[0, along]
             part[across] = (sin * x + cos * z) / top[1, across]
 
+    def platform(self, y: Array) -> Array:
+        """Coordinates of a floater and their rates (12,) in a state y [m, rad; m/s, rad/s]; on the ground (0,)."""
+        if self.floater is None:
+            return np.zeros(0)
+        q, n = self.system.index(self.floater, "joint_q"), self.system.n_q
+        u = n + self.system.index(self.floater, "joint_u")
+        return np.concatenate([y[q : q + 6], y[u : u + 6]])
+
+    def tower_deflection(self, work: Work) -> tuple[Array, Array]:
+        """Displacement (2,) of the tower top along x and y of the tower's base, and its rate [m], [m/s]."""
+        tower, nacelle = self.tower, self.nacelle
+        turn = work.rot[tower].T
+        lever = turn @ (work.r[nacelle] - work.r[tower])
+        rate = turn @ work.rot[nacelle] @ work.v[nacelle] - work.v[tower] - np.cross(work.omega[tower], lever)
+        return lever[:2], rate[:2]
+
     def adopt(self, other: TurbineStructure, y: Array) -> Array:
         """State of this structure for the same motion as the state y of another formulation of the same turbine.
 
@@ -145,9 +162,11 @@ class TurbineStructure:
         for body in range(len(mine.bodies)):
             for own, given in zip(self.elastic(body, z), other.elastic(body, y), strict=True):
                 own[:] = given
-            if mine.joints[body].kind == "revolute":
-                z[mine.index(body, "joint_q")] = y[theirs.index(body, "joint_q")]
-                z[mine.n_q + mine.index(body, "joint_u")] = y[theirs.n_q + theirs.index(body, "joint_u")]
+            if mine.joints[body].kind in ("revolute", "cardan"):
+                n = mine.joints[body].n_velocity
+                for what, here, there in (("joint_q", 0, 0), ("joint_u", mine.n_q, theirs.n_q)):
+                    here, there = here + mine.index(body, what), there + theirs.index(body, what)
+                    z[here : here + n] = y[there : there + n]
         z[mine.n_q + mine.n_u :] = y[theirs.n_q + theirs.n_u :]
         mine.place_free_bodies(z)
         return z
@@ -212,7 +231,8 @@ def build_structure(
         blade_body = without_second_order(blade_body, blade_beam, blade_basis)
     system = MultibodySystem(stabilization=fidelity.stabilization, projection=fidelity.projection)
     tower_body, tower_points, tower_radius, drag_points, tower_field, sway = _tower(turbine, fidelity, blade_body)
-    tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)))
+    floater = _add_floater(system, turbine, fidelity)
+    tower = system.add(tower_body, Joint("fixed", offset=(0.0, 0.0, turbine.tower.base_height)), floater)
     nacelle = _add_nacelle(system, turbine, tower, fidelity.yaw_drive)
     inertia = blade_body.inertia
     generator, hub = _add_drivetrain(system, turbine, nacelle, inertia, fidelity.stiffest_shaft, generator_damping)
@@ -250,6 +270,7 @@ def build_structure(
         drag_points=drag_points,
         blade_field=(blade_beam, blade_basis),
         tower_field=tower_field,
+        floater=floater,
         tower_sway=sway,
     )
 
@@ -514,6 +535,23 @@ def _polynomial_shapes(beam: Beam, plane: str, shapes: Sequence[Sequence[float]]
         basis[move::6, k] = scale * polynomial(beam.nodes / height)
         basis[turn::6, k] = sign * scale * polynomial.deriv()(beam.nodes / height) / height
     return basis
+
+
+def _add_floater(system: MultibodySystem, turbine: Turbine, fidelity: Fidelity) -> int | None:
+    """Rigid platform with the water that moves with it, if the turbine floats."""
+    floater = turbine.floater
+    if floater is None:
+        return None
+    if fidelity.formulation == "observer" or fidelity.tower_body is not None or fidelity.nacelle_body is not None:
+        raise SimulationError(
+            f"{turbine.name!r} floats: Fidelity.formulation must be 'embedded' or 'constrained' without tower_body and "
+            f"nacelle_body, got {fidelity.formulation!r}, {fidelity.tower_body} and {fidelity.nacelle_body}"
+        )
+    body = FlexibleBody.rigid("floater", floater.mass, floater.center, floater.inertia)
+    index = int(system.add(body, Joint("cardan", name="platform")))
+    added = floater.radiation.added_mass_infinite
+    system.add_water(index, 0.5 * (added + added.T))  # of panel codes the two sides differ in the fifth digit
+    return index
 
 
 def _add_nacelle(system: MultibodySystem, turbine: Turbine, tower: int, yaw_drive: str) -> int:

@@ -173,6 +173,8 @@ class Beam:
     particle_position : array (n_p, 3)
     particle_shape : array (n_p, 3, 6 n_nodes)
         Linear displacement of the mass points.
+    particle_gauss : int array (n_p,)
+        Gauss point of each, counted from the root.
     """
 
     def __init__(
@@ -343,8 +345,8 @@ class Beam:
         self.particle_mass = np.array(mass)
         self.particle_position = np.array(position)
         self.particle_shape = np.array(shape)
-        self._particle_gauss = np.array(gauss)
-        self._particle_offset = self.particle_position - center_line[self._particle_gauss]
+        self.particle_gauss = np.array(gauss)
+        self._particle_offset = self.particle_position - center_line[self.particle_gauss]
         weighted = self.particle_shape * self.particle_mass[:, None, None]
         self.mass = np.einsum("pia,pib->ab", weighted, self.particle_shape, optimize=True)
 

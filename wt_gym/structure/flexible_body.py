@@ -229,7 +229,7 @@ def particle_fields(beam: Beam, basis: Array) -> ParticleFields:
         _axis_second=beam.second_order_field(basis).at_gauss(),
         _rotation=theta,
         _offset=beam._particle_offset,
-        _gauss=beam._particle_gauss,
+        _gauss=beam.particle_gauss,
     )
 
 

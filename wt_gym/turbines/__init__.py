@@ -1,12 +1,12 @@
 """What a turbine is: windIO files and OpenFAST models turned into validated, frozen dataclasses.
 
 ``load_turbine("nrel_5mw")``, ``load_turbine("my_turbine.yaml")`` and ``load_turbine("model.fst")`` return a
-:class:`Turbine`; ``catalogue()`` lists the names.
+:class:`Turbine`; ``catalog()`` lists the names.
 """
 
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation
 from wt_gym.turbines.blade import BeamStations, Blade, BladeIce
-from wt_gym.turbines.catalogue import catalogue, load_turbine
+from wt_gym.turbines.catalog import catalog, load_turbine
 from wt_gym.turbines.model import ControlData, Drivetrain, Hub, Nacelle, PitchSystem, Support, Tower, Turbine
 
 __all__ = [
@@ -24,6 +24,6 @@ __all__ = [
     "Support",
     "Tower",
     "Turbine",
-    "catalogue",
+    "catalog",
     "load_turbine",
 ]

@@ -29,6 +29,9 @@ from wt_gym.base.quantities import Array, Integers
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation, blend_polars
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_span, check_symmetric, fail
 
+_EVEN = 0.02
+"""Difference of both bending stiffnesses, over their mean, below which a section has no axes of its own."""
+
 
 @option_record
 class BeamStations(ArrayRecord):
@@ -153,6 +156,29 @@ def _check_definite(field: str, matrices: Array, *, strictly: bool) -> None:
         if least < -1e-9 or (strictly and least <= 1e-12):
             what = "a positive definite matrix" if strictly else "a positive semidefinite matrix"
             raise fail(f"{field}[{i}]", f"least eigenvalue {least:.3g} after scaling the diagonal to 1", what)
+
+
+def bending_matrices(structure: BeamStations, station: Array) -> Array:
+    """Stiffness (n, 2, 2) against curvatures about x and y of sections without axial force and torque [N m²]."""
+    stiffness = structure.stiffness_at(station)
+    if structure.shear_rigid:
+        return np.linalg.inv(np.linalg.inv(stiffness[:, 2:, 2:])[:, 1:3, 1:3])
+    return np.linalg.inv(np.linalg.inv(stiffness)[:, 3:5, 3:5])
+
+
+def principal_bending(bending: Array, along: Array) -> tuple[Array, Array, Array]:
+    """Flapwise and edgewise stiffness and the angle of their axes, the one next to the twist of the chord."""
+    xx, xy, yy = bending[:, 0, 0], bending[:, 0, 1], bending[:, 1, 1]
+    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    size = np.hypot(half, xy)
+    angle = -0.5 * np.arctan2(xy, half)  # of the stiffer axis from x, counted as twist: clockwise about z
+    twist = along + (angle - along + np.pi / 4) % (np.pi / 2) - np.pi / 4
+    even = size < 0.5 * _EVEN * mean
+    twist = np.where(even, along, twist)
+    # the matrix in axes turned by minus the twist
+    edge = mean + half * np.cos(2.0 * twist) - xy * np.sin(2.0 * twist)
+    flap = 2.0 * mean - edge
+    return flap, edge, twist
 
 
 def rotation_about_z(angle: ArrayLike) -> Array:

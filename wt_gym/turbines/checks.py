@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
-from wt_gym.base.options import Option, Options, shown
+from wt_gym.base.options import ArrayOptions, Option, shown
 from wt_gym.base.quantities import Array
 
 
@@ -48,30 +48,7 @@ def check_span(field: str, station: Array, length: float) -> None:
         raise fail(field, [float(station[0]), float(station[-1])], f"a grid from 0 to {length:g} m")
 
 
-class ArrayRecord(Options):
-    """Base of the records that describe a turbine; their arrays are read-only.
-
-    NumPy does not carry the read-only flag through pickle or ``copy.deepcopy``; worker processes would otherwise get
-    a turbine whose tables can be changed by accident.
-    """
+class ArrayRecord(ArrayOptions):
+    """Base of the records that describe a turbine; their arrays are read-only."""
 
     error = TurbineDefinitionError
-    by_value: ClassVar[bool] = False
-
-    def __init_subclass__(cls) -> None:
-        cls.title, cls.prefix = cls.__name__, f"{cls.__name__}."
-
-    def __copy__(self) -> ArrayRecord:
-        """Return the record itself: nothing in it changes."""
-        return self
-
-    def __deepcopy__(self, memo: dict[int, object]) -> ArrayRecord:
-        """Return the record itself: nothing in it changes."""
-        return self
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore the fields and take the write permission from every array."""
-        for name, value in state.items():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
-            self._set(name, value)

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from wt_gym.base.errors import TurbineDefinitionError, did_you_mean
 from wt_gym.base.options import option, option_record
 from wt_gym.base.quantities import Array
+from wt_gym.hydrodynamics.platform import Platform
 from wt_gym.turbines.airfoil import RotationalAugmentation
 from wt_gym.turbines.blade import BeamStations, Blade, BladeIce
 from wt_gym.turbines.checks import ArrayRecord, check_number, check_span, check_symmetric, fail
@@ -402,6 +403,7 @@ class Turbine(ArrayRecord):
         choices=("clockwise", "counter-clockwise"),
     )
     ice: BladeIce | None = option("on one of the blades", default=None, kinds=(BladeIce,))
+    floater: Platform | None = option("that carries the tower, with its moorings", default=None, kinds=(Platform,))
 
     def check(self) -> None:
         """Check what belongs together."""
@@ -456,6 +458,11 @@ class Turbine(ArrayRecord):
     def with_site(self, **site: Any) -> Turbine:
         """Return this turbine at a site, see `wt_gym.turbines.model.with_site`."""
         return with_site(self, site)
+
+    @property
+    def n_lines(self) -> int | None:
+        """Number of mooring lines; None on the ground."""
+        return None if self.floater is None else len(self.floater.lines)
 
     @property
     def heading(self) -> str:

@@ -17,6 +17,7 @@ from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import ControlData, Drivetrain, Hub, Nacelle, PitchSystem, Turbine
 from wt_gym.turbines.openfast_blade import STRUCTURES, read_openfast_blade, read_openfast_tower
 from wt_gym.turbines.openfast_control import Rating, read_openfast_control, read_rating
+from wt_gym.turbines.openfast_platform import MOTIONS, floats, read_openfast_platform
 from wt_gym.turbines.openfast_text import Model, TextFile, as_number
 from wt_gym.turbines.windio_machine import yaw_actuator
 
@@ -82,6 +83,7 @@ def read_openfast(
     length = elastodyn.number("TipRad") - hub.radius
     body = read_openfast_blade(model, blade, length, hub.radius, rating.rotor_speed)
     tower = read_openfast_tower(model)
+    floater = read_openfast_platform(model)
     nacelle = _nacelle(model, body, hub)
     # before OpenFAST 3 the density of the air stood in AeroDyn's file only
     file = model.primary if model.aerodyn.is_default("AirDens") else model.aerodyn
@@ -122,6 +124,7 @@ def read_openfast(
         notes=tuple(model.notes),
         control=control,
         rotation=rotation,
+        floater=floater,
     )
 
 
@@ -277,7 +280,6 @@ _INITIAL = (
     "TTDspSS", "PtfmSurge", "PtfmSway", "PtfmHeave", "PtfmRoll", "PtfmPitch", "PtfmYaw",
 )  # fmt: skip
 _BLADE_MODES = ("FlapDOF1", "FlapDOF2", "EdgeDOF")
-_PLATFORM = ("PtfmSgDOF", "PtfmSwDOF", "PtfmHvDOF", "PtfmRDOF", "PtfmPDOF", "PtfmYDOF")
 _SUPPORT = {
     "CompSeaSt": "waves",
     "CompHydro": "loads of the water",
@@ -341,14 +343,19 @@ _NO_CONTROL = {
 def _note_the_rest(model: Model) -> None:
     """Note the keywords that change what the model does and that the turbine does not hold."""
     primary, elastodyn, servodyn, aerodyn = model.primary, model.elastodyn, model.servodyn, model.aerodyn
-    left = [f"{what} ({key})" for key, what in _SUPPORT.items() if primary.integer(key, 0) != 0]
-    if any(elastodyn.flag(key) for key in _PLATFORM):
+    is_afloat = floats(model)
+    held = dict.fromkeys(MOTIONS, True) if is_afloat else {}
+    modeled = ("CompSeaSt", "CompHydro", "CompMooring") if is_afloat else ()
+    left = [f"{what} ({key})" for key, what in _SUPPORT.items() if key not in modeled and primary.integer(key, 0) != 0]
+    if not is_afloat and any(elastodyn.flag(key) for key in MOTIONS):
         left.append("the motion of the platform")
-    if left:
+    if left and is_afloat:
+        model.note(f"left aside: {', '.join(left)}")
+    elif left:
         base = elastodyn.number("TowerBsHt")
         model.note(f"left aside: {', '.join(left)}; the tower is clamped at its base, {base:g} m up")
     files = {"elastodyn": elastodyn, "servodyn": servodyn, "aerodyn": aerodyn}
-    groups = list(_GROUPS)
+    groups = [*_GROUPS, ("elastodyn", "motions of the platform that the model fixes and that are free here", held)]
     if primary.integer("CompElast") == 1:  # BeamDyn's blade has no such modes
         modes = "modes that the model fixes and that are free here"
         groups.append(("elastodyn", modes, dict.fromkeys(_BLADE_MODES, True)))

@@ -251,6 +251,34 @@ class TextFile:
         part : str
             Part of the turbine that the table describes, for messages.
         """
+        names, rows = self._named_rows(count_key, first_column)
+        width = min(len(names), *(len(row) for row in rows))
+        values = [[self.value(first_column, word) for word in row[:width]] for row in rows]
+        table = dict(zip(names[:width], np.array(values).T, strict=True))
+        for name in needed:
+            if name not in table:
+                raise TurbineDefinitionError(f"{self.path.name}: no column {name} in the table of the {part}")
+        return table
+
+    def records(self, count_key: str, first_column: str) -> list[dict[str, str]]:
+        """Return the rows of a table as words by the names in its header, in lower case; none where it has no rows.
+
+        Parameters
+        ----------
+        count_key, first_column : str
+            As of `table`.
+        """
+        if self.integer(count_key, 0) == 0:
+            return []
+        names, rows = self._named_rows(count_key, first_column)
+        names = names[: next((k for k, name in enumerate(names) if name.startswith("[")), None)]  # a remark
+        for row in rows:
+            if len(row) < len(names):
+                raise self.fail(f"row of {first_column}", " ".join(row), f"{len(names)} values")
+        return [dict(zip(names, row, strict=False)) for row in rows]
+
+    def _named_rows(self, count_key: str, first_column: str) -> tuple[list[str], list[list[str]]]:
+        """Return names of columns and words of the rows of a table."""
         count = self.integer(count_key)
         start = self.line_of(count_key)
         for i in range(start + 1, len(self.lines)):
@@ -259,14 +287,7 @@ class TextFile:
                 break
         else:
             raise TurbineDefinitionError(f"{self.path.name}: no table with the column {first_column}")
-        rows = self.rows(i + 1, count, first_column, skip_text=True)
-        width = min(len(names), *(len(row) for row in rows))
-        values = [[self.value(first_column, word) for word in row[:width]] for row in rows]
-        table = dict(zip(names[:width], np.array(values).T, strict=True))
-        for name in needed:
-            if name not in table:
-                raise TurbineDefinitionError(f"{self.path.name}: no column {name} in the table of the {part}")
-        return table
+        return names, self.rows(i + 1, count, first_column, skip_text=True)
 
     def unit_grid(self, name: str, fraction: Array) -> Array:
         """Return fractions of a length (n,), which must run from 0 to 1, without rounding at their ends."""

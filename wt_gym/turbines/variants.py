@@ -54,6 +54,7 @@ from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import STRONGEST, LossShares, ShaftDamper, Turbine
 
 if TYPE_CHECKING:
+    from wt_gym.hydrodynamics.platform import Platform
     from wt_gym.turbines.blade import Blade
     from wt_gym.turbines.model import Drivetrain, Hub
 
@@ -211,8 +212,41 @@ def mirrored(turbine: Turbine) -> Turbine:
         turbine,
         nacelle=replace(nacelle, cm=_signed(nacelle.cm, REFLECTION), inertia=inertia),
         tower=replace(tower, structure=_mirrored_beam(tower.structure), support=support),
+        floater=None if turbine.floater is None else _mirrored_platform(turbine.floater),
         rotation="counter-clockwise" if turbine.rotation == "clockwise" else "clockwise",
     )
+
+
+def _mirrored_platform(platform: Platform) -> Platform:
+    radiation, excitation, flip = platform.radiation, platform.excitation, REFLECTION
+    if not excitation.is_mirrored:
+        excitation = replace(
+            excitation, heading=-excitation.heading[::-1], real=_signed(excitation.real[:, ::-1], REFLECTION_6),
+            imaginary=_signed(excitation.imaginary[:, ::-1], REFLECTION_6),
+        )  # fmt: skip
+    return replace(
+        platform,
+        center=_signed(platform.center, flip),
+        inertia=_signed(platform.inertia, np.outer(flip, flip)),
+        center_of_buoyancy=_signed(platform.center_of_buoyancy, flip[:2]),
+        radiation=replace(
+            radiation, added_mass=_mirrored_matrix(radiation.added_mass), damping=_mirrored_matrix(radiation.damping),
+            added_mass_infinite=_mirrored_matrix(radiation.added_mass_infinite),
+        ),
+        excitation=excitation,
+        members=tuple(replace(m, start=_signed(m.start, flip), end=_signed(m.end, flip)) for m in platform.members),
+        plates=tuple(
+            replace(p, position=_signed(p.position, flip), axis=_signed(p.axis, flip)) for p in platform.plates
+        ),
+        lines=tuple(
+            replace(line, anchor=_signed(line.anchor, flip), fairlead=_signed(line.fairlead, flip))
+            for line in platform.lines
+        ),
+        hydrostatic=_mirrored_matrix(platform.hydrostatic),
+        linear_damping=_mirrored_matrix(platform.linear_damping),
+        quadratic_damping=_mirrored_matrix(platform.quadratic_damping),
+        additional_stiffness=_mirrored_matrix(platform.additional_stiffness),
+    )  # fmt: skip
 
 
 def clockwise_image(turbine: Turbine) -> Turbine:

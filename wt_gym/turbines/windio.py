@@ -218,7 +218,13 @@ def _read_tower(root: Node) -> Tower:
         raise fail(shape.where("outer_diameter.values"), float(diameter.min()), "diameters above 0 m")
     if np.ptp(cd) > 1e-9:
         shape.note("cd", f"varies along the tower, its mean {cd.mean():g} is used")
-    for support in ("monopile", "jacket", "floating_platform"):
+    if "floating_platform" in root.at("components"):
+        raise fail(
+            "components.floating_platform", "a platform",
+            "absent: windIO has no added mass, radiation damping and wave forces; load the turbine's OpenFAST model "
+            "(.fst), or remove the section for a tower that is clamped at its base",
+        )  # fmt: skip
+    for support in ("monopile", "jacket"):
         if support in root.at("components"):
             how = "left out (load_turbine takes a water_depth)" if support == "monopile" else "not modeled"
             root.note(f"components.{support}", f"{how}, the tower is clamped at its base, {base:g} m up")

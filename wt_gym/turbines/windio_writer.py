@@ -80,6 +80,8 @@ def windio_content(turbine: Turbine) -> dict[str, Any]:
     """Return what the windIO file of a turbine holds, as mappings, lists and numbers."""
     if turbine.tower.support is not None:
         raise fail("Turbine.tower.support", "a monopile", "None (windIO files take it from their own walls)")
+    if turbine.floater is not None:
+        raise fail("Turbine.floater", "a platform", "None: windIO has no added mass, radiation damping and wave forces")
     if turbine.drivetrain.generator_damping or not turbine.drivetrain.takes_torque:
         raise fail("Turbine.drivetrain.generator_damping", turbine.drivetrain.generator_damping, "0")
     if turbine.hub.cone < 0.0 or turbine.nacelle.tilt < 0.0:

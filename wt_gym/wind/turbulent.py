@@ -422,7 +422,7 @@ class PathInflow(CarriedInflow):
         mean = (speed, *rest), direction, inclination
         if box is None:
             return int(mean_velocity(rows, *mean, out))
-        # the kernels ask for times at the present speed: way and spacing of the samples, both over it
+        # the kernels ask for times at the current speed: way and spacing of the samples, both over it
         came = (way - self._at(0.0)[2] + self.offset) / speed
         return _fill_carried(box, rows, came, mean, scale * box.scale, box.time_step * box.mean_speed / speed, out)
 

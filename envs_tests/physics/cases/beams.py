@@ -513,7 +513,7 @@ def roll_up_case() -> CaseResult:
 
 THRUST = 0.8e6
 """Flapwise load on the blade [N]."""
-IEA = "IEA-15-240-RWT (Gaertner et al. 2020, NREL/TP-5000-75698), definition of the catalogue"
+IEA = "IEA-15-240-RWT (Gaertner et al. 2020, NREL/TP-5000-75698), definition of the catalog"
 N_STATIONS = 32
 
 

@@ -437,7 +437,7 @@ def parked_frequencies(turbine, fidelity, step=1e-5):
     if system.constraints or fidelity.reference_condition != "clamped":
         return None
     y, inputs, work = system.initial_state(), system.new_inputs(), system.new_work()
-    elastic_equilibrium(system, y, inputs, work, structure.azimuth_q, structure.azimuth_u, True)
+    elastic_equilibrium(system, y, inputs, work, (structure.azimuth_u,), True)
     columns = []
     for k in range(system.n_q):
         forces = []

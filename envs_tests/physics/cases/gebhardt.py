@@ -10,7 +10,7 @@ import numpy as np
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
 from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator
-from wt_gym.turbines.catalogue import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
+from wt_gym.turbines.catalog import GENERATOR_DAMPER, gebhardt_data, gebhardt_turbine
 from wt_gym.wind import SteadyInflow
 
 # ---- wind -----------------------------------------------------------------------------------------------------------

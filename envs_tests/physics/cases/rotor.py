@@ -132,7 +132,7 @@ class RigidRotor:
 
     @classmethod
     def of_turbine(cls, turbine: Turbine, options: AeroOptions) -> RigidRotor:
-        """Rotor of a turbine of the catalogue; coefficients refer to the nominal diameter."""
+        """Rotor of a turbine of the catalog; coefficients refer to the nominal diameter."""
         return cls(
             blade_planform(turbine, options), turbine.n_blades, turbine.blade.root_radius,
             0.5 * turbine.rotor_diameter, turbine.hub.cone, turbine.air_density,

@@ -16,7 +16,7 @@ from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import body_from_beam, circular_sections, clamped_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import inertia_matrix
-from wt_gym.turbines.catalogue import nada_data, nada_speed
+from wt_gym.turbines.catalog import nada_data, nada_speed
 from wt_gym.wind import SteadyInflow
 
 # ---- mixed coordinates ----------------------------------------------------------------------------------------------

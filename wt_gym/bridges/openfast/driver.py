@@ -22,6 +22,7 @@ from wt_gym.bridges.openfast.measurement import (
     Measurement,
     elastodyn_outputs,
     servodyn_outputs,
+    water_outputs,
 )
 from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.run_folder import BentTurbine, RunTimes, ServedController, prepare_run
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from wt_gym.hydrodynamics.waves import WaveComponents
     from wt_gym.wind import Inflow
 
 _LAST_WORDS = 600
@@ -54,6 +56,7 @@ def write_driver_run(  # noqa: PLR0913
     parked: bool = False,
     model: str | Path | None = None,
     changes: Mapping[str, Mapping[str, Any]] | None = None,
+    sea: WaveComponents | None = None,
 ) -> Path:
     """Write a turbine in a wind under a Bladed library as a folder that OpenFAST's driver runs: ``openfast model.fst``.
 
@@ -78,6 +81,8 @@ def write_driver_run(  # noqa: PLR0913
         Primary file (``.fst``) of a model of the user's instead of one that is written of the turbine.
     changes : mapping, optional
         As of `wt_gym.bridges.openfast.OpenFASTSimulator`.
+    sea : WaveComponents, optional
+        Waves that a floating turbine meets; by default the water is still.
 
     Returns
     -------
@@ -105,7 +110,7 @@ def write_driver_run(  # noqa: PLR0913
     start = BentTurbine(turbine).start(inflow, speed, np.full(turbine.n_blades, pitch), azimuth, 0.0)
     written = write_model(turbine, folder) if own is None else own
     primary = prepare_run(
-        written, folder, turbine, inflow, start, RunTimes(step, duration, interval), controller, changes or {}
+        written, folder, turbine, inflow, start, RunTimes(step, duration, interval), controller, changes or {}, sea
     )  # fmt: skip
     if own is None:
         (folder / PRIMARY).unlink()  # model.fst takes its place
@@ -162,7 +167,8 @@ def read_outputs(path: str | Path, turbine: Turbine, every: int = 1) -> xr.Datas
         raise SimulationError(f"{path} must be a text file of outputs of OpenFAST (OutFileFmt 1) with rows of numbers")
     names = lines[head].split()
     n = turbine.n_blades
-    needed = (*elastodyn_outputs(n), *AERODYN_OUTPUTS, *INFLOW_OUTPUTS, *servodyn_outputs(n))
+    needed = (*elastodyn_outputs(n, turbine.floater is not None), *AERODYN_OUTPUTS, *INFLOW_OUTPUTS,
+              *servodyn_outputs(n), *water_outputs(turbine.n_lines))  # fmt: skip
     there = {name.lower(): k for k, name in enumerate(names)}
     if missing := [name for name in needed if name.lower() not in there]:
         raise SimulationError(f"{path} must have the outputs {', '.join(needed)}; {', '.join(missing)} are missing")
@@ -183,7 +189,7 @@ def read_outputs(path: str | Path, turbine: Turbine, every: int = 1) -> xr.Datas
     values = np.array([one.values for one in signals])
     variables = {
         channel.name: ("time", values[:, k], {"units": channel.unit, "long_name": channel.description})
-        for k, channel in enumerate(channel_table(n)[1:], start=1)
+        for k, channel in enumerate(channel_table(n, turbine.n_lines)[1:], start=1)
     }
     return xr.Dataset(variables, {"time": ("time", values[:, 0], {"units": "s"})}, {"turbine": turbine.name})
 

@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wt_gym.base.errors import SimulationError
 from wt_gym.base.quantities import Array
-from wt_gym.simulation.channels import Signals, new_values
+from wt_gym.bridges.openfast.water import TENSION_OUTPUTS, WAVE_OUTPUT
+from wt_gym.simulation.channels import Signals, channel_table, new_values
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, view_from_tower
+from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
+from wt_gym.turbines.blade import rotation_about_z
 from wt_gym.turbines.variants import electrical_power
 
 if TYPE_CHECKING:
@@ -49,6 +53,11 @@ _SCALED_BLADE = {
     "root_edge_moment": ("RootMxb", _KILO),
     "root_torsion": ("RootMzb", _KILO),
 }
+_MOTIONS = {
+    channel.name: (channel.openfast, _DEGREE if channel.unit.startswith("rad") else 1.0)
+    for channel in channel_table(3, 0)
+    if channel.name.startswith("platform_")
+}
 _TOWER_TOP = ("TTDspFA", "TTDspSS", "TTDspAx", "TTDspRoll", "TTDspPtch")
 _ACCELERATION = ("YawBrTAxp", "YawBrTAyp")
 _TIP_AXIAL = "TipDzc"
@@ -62,10 +71,18 @@ ELASTODYN_OUTPUTS = (
 """Outputs that are asked for, those of a blade without its number aside."""
 
 
-def elastodyn_outputs(n_blades: int) -> tuple[str, ...]:
+def elastodyn_outputs(n_blades: int, floats: bool = False) -> tuple[str, ...]:
     """All outputs of ElastoDyn that are asked for."""
+    motions = [name for name, _ in _MOTIONS.values()] if floats else []
     names = [name for name, _ in _SCALED_BLADE.values()] + [_TIP_AXIAL]
-    return (*ELASTODYN_OUTPUTS, *(f"{name}{blade}" for name in names for blade in range(1, n_blades + 1)))
+    return (*ELASTODYN_OUTPUTS, *motions, *(f"{name}{blade}" for name in names for blade in range(1, n_blades + 1)))
+
+
+def water_outputs(n_lines: int | None) -> tuple[str, ...]:
+    """Outputs of SeaState and MoorDyn about a floating turbine with so many mooring lines."""
+    if n_lines is None:
+        return ()
+    return (WAVE_OUTPUT, *(f"{name}{line}" for name in TENSION_OUTPUTS for line in range(1, n_lines + 1)))
 
 
 def servodyn_outputs(n_blades: int) -> tuple[str, ...]:
@@ -83,6 +100,11 @@ class Measurement:
     names : sequence of str
         Of OpenFAST's outputs, in their order.
 
+    Raises
+    ------
+    SimulationError
+        If outputs about a floating turbine are missing.
+
     Attributes
     ----------
     values : ndarray (n_channels,)
@@ -91,11 +113,20 @@ class Measurement:
 
     def __init__(self, turbine: Turbine, names: Sequence[str]):
         self.turbine, n = turbine, turbine.n_blades
-        self.values, self._place = new_values(n)
+        self.values, self._place = new_values(n, turbine.n_lines)
         self._column = {name.lower(): k for k, name in enumerate(names)}
         scaled = [(channel, *row) for channel, row in _SCALED.items()]
         for channel, (name, factor) in _SCALED_BLADE.items():
             scaled += [(f"{channel}_{b}", f"{name}{b}", factor) for b in range(1, n + 1)]
+        if turbine.n_lines is not None:
+            water = water_outputs(turbine.n_lines)
+            if missing := [name for name in water if name.lower() not in self._column]:
+                raise SimulationError(
+                    f"the model must have the outputs {', '.join(water)}; {', '.join(missing)} are missing"
+                )
+            channels = [channel.name for channel in channel_table(n, turbine.n_lines)[-len(water) :]]
+            scaled += [(channel, *row) for channel, row in _MOTIONS.items()]
+            scaled += [(channel, name, 1.0) for channel, name in zip(channels, water, strict=True)]
         self._targets = np.array([self._place[channel] for channel, _, _ in scaled])
         self._sources = np.array([self._column[name.lower()] for _, name, _ in scaled])
         self._factors = np.array([factor for *_, factor in scaled])
@@ -186,7 +217,8 @@ class Measurement:
         speed = float(values[place["generator_speed"]])
         put("generator_power", electrical_power(turbine.drivetrain, speed, torque))
         direction = math.atan2(values[place["wind_y"]], values[place["wind_x"]])
-        put("yaw_error", (direction - yaw + math.pi) % (2.0 * math.pi) - math.pi)
+        heading = yaw if turbine.floater is None else yaw + values[place["platform_yaw"]]
+        put("yaw_error", (direction - heading + math.pi) % (2.0 * math.pi) - math.pi)
         put("pitch_command", command)
         put("pitch_rate", pitch_rate)
         old = before["pitch_travel"]
@@ -223,25 +255,15 @@ class Measurement:
         nacelle, blade, cone = turbine.nacelle, turbine.blade, turbine.hub.cone
         fore, side, up, roll, lean = row[self._tower_top]
         yaw = row[self._column["yawpzn"]] * _DEGREE
-        turned = _about(0, roll * _DEGREE) @ _about(1, lean * _DEGREE) @ _about(2, yaw)
+        turned = rotation_x(roll * _DEGREE) @ rotation_y(lean * _DEGREE) @ rotation_about_z(yaw)[:3, :3]
         top = np.array([fore, side, turbine.tower.height + up])
-        tilted = turned @ _about(1, nacelle.tilt)
+        tilted = turned @ rotation_y(nacelle.tilt)
         hub = top + turned @ np.array([0.0, 0.0, nacelle.tower_top_to_shaft]) - tilted[:, 0] * nacelle.overhang
         prebend, sweep = blade.axis_at(blade.length)[:2]
         azimuth = row[self._column["azimuth"]] * _DEGREE
         out, beside = row[self._bends[:n]], row[self._bends[n:]]
         for b in range(n):
-            rotor = tilted @ _about(0, azimuth + 2.0 * math.pi * b / n) @ _about(1, -cone)
+            rotor = tilted @ rotation_x(azimuth + 2.0 * math.pi * b / n) @ rotation_y(-cone)
             reach = turbine.hub.radius + blade.length + row[self._axials[b]]
             self._tips[b] = hub + rotor @ np.array([prebend + out[b], sweep + beside[b], reach])
         return np.ascontiguousarray(turned[:, 0]), top
-
-
-def _about(axis: int, angle: float) -> Array:
-    """Rotation about an axis, 0 to 2 for x to z."""
-    cos, sin = math.cos(angle), math.sin(angle)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    matrix = np.eye(3)
-    matrix[i, i] = matrix[j, j] = cos
-    matrix[i, j], matrix[j, i] = -sin, sin
-    return matrix

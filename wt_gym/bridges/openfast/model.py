@@ -20,6 +20,8 @@ from scipy.linalg import eigh
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.quantities import GRAVITY, Array
+from wt_gym.bridges.openfast.water import FILES, write_water
+from wt_gym.turbines.blade import bending_matrices, principal_bending
 from wt_gym.turbines.openfast_text import write_lines
 from wt_gym.turbines.variants import clockwise_image, rotor_inertia_without_generator
 
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from wt_gym.turbines import BeamStations, Polar, Turbine
+    from wt_gym.turbines import Polar, Turbine
 
 PRIMARY = "turbine.fst"
 """Name of the primary file of a model that is written here."""
@@ -78,7 +80,8 @@ def write_model(turbine: Turbine, folder: str | Path) -> Path:
 
     The blade bends flapwise and edgewise and does not twist (ElastoDyn), its sections have the polars of the turbine
     (AeroDyn, blade elements with dynamic inflow, quasi-steady sections), the tower is clamped at its base. A rotor that
-    turns counter-clockwise is written as its mirror image, which turns clockwise: OpenFAST 5.0 has no other.
+    turns counter-clockwise is written as its mirror image, which turns clockwise: OpenFAST 5.0 has no other. A platform
+    floats in still water (HydroDyn) on lines of MoorDyn.
 
     Parameters
     ----------
@@ -108,6 +111,8 @@ def write_model(turbine: Turbine, folder: str | Path) -> Path:
     _write_elastodyn_tower(image, folder)
     _write_aerodyn(image, folder)
     _write_servodyn(image, folder)
+    if image.floater is not None:
+        write_water(image.floater, folder)
     write_inflow(folder / "inflowwind.dat", {"WindType": 1, "HWindSpeed": 10.0, "RefHt": image.hub_height})
     return folder / PRIMARY
 
@@ -117,18 +122,25 @@ def _write_primary(turbine: Turbine, folder: Path) -> None:
     files = {"EDFile": "elastodyn.dat", "BDBldFile(1)": _NO_FILE, "BDBldFile(2)": _NO_FILE, "BDBldFile(3)": _NO_FILE}
     files |= {"InflowFile": "inflowwind.dat", "AeroFile": "aerodyn.dat", "ServoFile": "servodyn.dat"}
     files |= {f"{name}File": _NO_FILE for name in ("SeaSt", "Hydro", "Sub", "Mooring", "Ice", "Soil")}
+    floater = turbine.floater
+    # the coupled motion of a heavy platform needs more iterations, each to less
+    density, depth, tolerance, iterations = 1025.0, 0.0, 1e-4, 6
+    if floater is not None:
+        density, depth, tolerance, iterations = floater.water_density, floater.water_depth, 1e-3, 40
+        files |= FILES
+    wet = int(floater is not None)
     write_lines(folder / PRIMARY, f"OpenFAST model of {turbine.name}", [
         "---------------------- SIMULATION CONTROL",
         ("Echo", False), ("AbortLevel", "FATAL"), ("TMax", 600.0), ("DT", step), ("ModCoupling", 1),
-        ("InterpOrder", 2), ("NumCrctn", 0), ("RhoInf", 1.0), ("ConvTol", 1e-4), ("MaxConvIter", 6),
+        ("InterpOrder", 2), ("NumCrctn", 0), ("RhoInf", 1.0), ("ConvTol", tolerance), ("MaxConvIter", iterations),
         ("DT_UJac", 99999.0), ("UJacSclFact", 1e6),
         "---------------------- FEATURE SWITCHES AND FLAGS",
-        ("NRotors", 1), ("CompElast", 1), ("CompInflow", 1), ("CompAero", 2), ("CompServo", 1), ("CompSeaSt", 0),
-        ("CompHydro", 0), ("CompSub", 0), ("CompMooring", 0), ("CompIce", 0), ("CompSoil", 0), ("MHK", 0),
+        ("NRotors", 1), ("CompElast", 1), ("CompInflow", 1), ("CompAero", 2), ("CompServo", 1), ("CompSeaSt", wet),
+        ("CompHydro", wet), ("CompSub", 0), ("CompMooring", 3 * wet), ("CompIce", 0), ("CompSoil", 0), ("MHK", 0),
         ("MirrorRotor", False),
         "---------------------- ENVIRONMENTAL CONDITIONS",
-        ("Gravity", GRAVITY), ("AirDens", turbine.air_density), ("WtrDens", 1025.0), ("KinVisc", 1.464e-5),
-        ("SpdSound", 335.0), ("Patm", 103500.0), ("Pvap", 1700.0), ("WtrDpth", 0.0), ("MSL2SWL", 0.0),
+        ("Gravity", GRAVITY), ("AirDens", turbine.air_density), ("WtrDens", density), ("KinVisc", 1.464e-5),
+        ("SpdSound", 335.0), ("Patm", 103500.0), ("Pvap", 1700.0), ("WtrDpth", depth), ("MSL2SWL", 0.0),
         "---------------------- INPUT FILES",
         *files.items(),
         "---------------------- OUTPUT",
@@ -145,7 +157,11 @@ def _write_primary(turbine: Turbine, folder: Path) -> None:
 
 def _write_elastodyn(turbine: Turbine, folder: Path) -> None:
     nacelle, hub, train, tower = turbine.nacelle, turbine.hub, turbine.drivetrain, turbine.tower
-    three = (1, 2, 3)
+    three, floater = (1, 2, 3), turbine.floater
+    mass, center, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+    if floater is not None:
+        mass, center, inertia = floater.mass, floater.center, floater.inertia
+    moments = inertia[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]].tolist()
     write_lines(folder / "elastodyn.dat", "ELASTODYN INPUT FILE", [
         "---------------------- SIMULATION CONTROL",
         ("Echo", False), ("Method", 1), ("DT", None),
@@ -153,7 +169,7 @@ def _write_elastodyn(turbine: Turbine, folder: Path) -> None:
         ("FlapDOF1", True), ("FlapDOF2", True), ("EdgeDOF", True), ("PitchDOF", False), ("TeetDOF", False),
         ("DrTrDOF", _shaft_frequency(turbine) < _STIFFEST_SHAFT), ("GenDOF", True), ("YawDOF", _yaws(turbine)),
         *[(f"Tw{plane}DOF{k}", True) for plane in ("FA", "SS") for k in (1, 2)],
-        *[(f"Ptfm{name}DOF", False) for name in ("Sg", "Sw", "Hv", "R", "P", "Y")],
+        *[(f"Ptfm{name}DOF", floater is not None) for name in ("Sg", "Sw", "Hv", "R", "P", "Y")],
         "---------------------- INITIAL CONDITIONS",
         ("OoPDefl", 0.0), ("IPDefl", 0.0), *[(f"BlPitch({i})", 0.0) for i in three], ("TeetDefl", 0.0),
         ("Azimuth", 0.0), ("RotSpeed", train.rated_rotor_speed / _RPM), ("NacYaw", 0.0), ("TTDspFA", 0.0),
@@ -165,14 +181,16 @@ def _write_elastodyn(turbine: Turbine, folder: Path) -> None:
         ("ShftTilt", -math.degrees(nacelle.tilt)),
         *[(f"NacCM{axis}n", float(value)) for axis, value in zip("xyz", nacelle.cm, strict=True)],
         ("NcIMUxn", 0.0), ("NcIMUyn", 0.0), ("NcIMUzn", 0.0), ("Twr2Shft", nacelle.tower_top_to_shaft),
-        ("TowerHt", tower.height), ("TowerBsHt", tower.base_height), ("PtfmCMxt", 0.0), ("PtfmCMyt", 0.0),
-        ("PtfmCMzt", 0.0), ("PtfmRefxt", 0.0), ("PtfmRefyt", 0.0), ("PtfmRefzt", 0.0),
+        ("TowerHt", tower.height),
+        ("TowerBsHt", tower.base_height),
+        *[(f"PtfmCM{axis}t", value) for axis, value in zip("xyz", center.tolist(), strict=True)],
+        *[(f"PtfmRef{axis}t", 0.0) for axis in "xyz"],
         "---------------------- MASS AND INERTIA",
         *[(f"TipMass({i})", 0.0) for i in three], *[(f"PBrIner({i})", 0.0) for i in three],
         *[(f"BlPIner({i})", 0.0) for i in three], ("HubMass", hub.mass), ("HubIner", hub.inertia_axial),
         ("HubIner_Teeter", hub.inertia_transverse), ("GenIner", train.generator_inertia), ("NacMass", nacelle.mass),
-        ("NacYIner", _yaw_inertia(turbine)), ("YawBrMass", nacelle.yaw_bearing_mass), ("PtfmMass", 0.0),
-        *[(f"Ptfm{name}Iner", 0.0) for name in ("R", "P", "Y", "XY", "YZ", "XZ")],
+        ("NacYIner", _yaw_inertia(turbine)), ("YawBrMass", nacelle.yaw_bearing_mass), ("PtfmMass", mass),
+        *[(f"Ptfm{name}Iner", value) for name, value in zip(("R", "P", "Y", "XY", "YZ", "XZ"), moments, strict=True)],
         "---------------------- BLADE",
         ("BldNodes", _BLADE_NODES), *[(f"BldFile({i})", "elastodyn_blade.dat") for i in three],
         "---------------------- ROTOR-TEETER",
@@ -474,8 +492,6 @@ def _shape(name: str, coefficients: np.ndarray) -> list[tuple[str, object]]:
     return [(f"{name}({power})", float(value)) for power, value in zip(range(2, 7), coefficients, strict=True)]
 
 
-_EVEN = 0.02
-"""Difference of both bending stiffnesses, over their mean, below which a section has no axes of its own."""
 _MOST_STATIONS = 60
 
 
@@ -536,7 +552,7 @@ def blade_sections(turbine: Turbine) -> BladeSections:
     station = np.interp(z, blade.axis[:, 2], blade.axis_station)
     stretch = np.gradient(station, z)
     mass = blade.structure.inertia_at(station)[:, 0, 0] * stretch
-    flap, edge, twist = _principal(bending_matrices(blade.structure, station), blade.twist_at(z))
+    flap, edge, twist = principal_bending(bending_matrices(blade.structure, station), blade.twist_at(z))
     radius, speed = turbine.hub.radius + z, turbine.drivetrain.rated_rotor_speed
     outboard = _from_the_end(z, mass * radius)
     shapes, flaps = bending_shapes(z, mass, flap, 2, pull=speed**2 * outboard)
@@ -563,29 +579,6 @@ def tower_sections(turbine: Turbine) -> TowerSections:
     second, slower = bending_shapes(station, mass, side_side, 2, pull=-weight, top=body)
     frequencies = np.concatenate([slow, slower])
     return TowerSections(station / tower.length, mass, fore_aft, side_side, first, second, frequencies)
-
-
-def bending_matrices(structure: BeamStations, station: Array) -> Array:
-    """Stiffness (n, 2, 2) against curvatures about x and y of sections without axial force and torque [N m²]."""
-    stiffness = structure.stiffness_at(station)
-    if structure.shear_rigid:
-        return np.linalg.inv(np.linalg.inv(stiffness[:, 2:, 2:])[:, 1:3, 1:3])
-    return np.linalg.inv(np.linalg.inv(stiffness)[:, 3:5, 3:5])
-
-
-def _principal(bending: Array, along: Array) -> tuple[Array, Array, Array]:
-    """Flapwise and edgewise stiffness and the angle of their axes, the one next to the twist of the chord."""
-    xx, xy, yy = bending[:, 0, 0], bending[:, 0, 1], bending[:, 1, 1]
-    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    size = np.hypot(half, xy)
-    angle = -0.5 * np.arctan2(xy, half)  # of the stiffer axis from x, counted as twist: clockwise about z
-    twist = along + (angle - along + np.pi / 4) % (np.pi / 2) - np.pi / 4
-    even = size < 0.5 * _EVEN * mean
-    twist = np.where(even, along, twist)
-    # the matrix in axes turned by minus the twist
-    edge = mean + half * np.cos(2.0 * twist) - xy * np.sin(2.0 * twist)
-    flap = 2.0 * mean - edge
-    return flap, edge, twist
 
 
 def _top_body(turbine: Turbine) -> TopBody:

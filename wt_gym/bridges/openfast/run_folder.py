@@ -10,16 +10,17 @@ import math
 import os
 import re
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wt_gym.base.errors import SimulationError, TurbineDefinitionError
-from wt_gym.base.quantities import Array
+from wt_gym.base.quantities import GRAVITY, Array
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
 from wt_gym.bridges.openfast.model import POWERS, blade_sections, tower_sections
+from wt_gym.bridges.openfast.water import resting_place, write_sea
 from wt_gym.bridges.openfast.wind import write_wind
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.openfast_text import InputFile
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from wt_gym.bridges.openfast.wind import PointLidar
+    from wt_gym.hydrodynamics.waves import WaveComponents
     from wt_gym.turbines import Turbine
     from wt_gym.wind import Inflow
 
@@ -58,6 +60,8 @@ class RunStart:
     """Displacement of the tower top along global x and y [m]."""
     tips: tuple[float, float]
     """Deflection of the tips out of and in the plane [m]."""
+    platform: Array = field(default_factory=lambda: np.zeros(6))
+    """Displacement and rotation of a floating platform [m], [rad]."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,7 @@ class RunTimes:
     """Between the rows of the driver's outputs [s]; None: the library runs it, which hands over outputs itself."""
 
 
-def prepare_run(
+def prepare_run(  # noqa: PLR0913
     model: Path,
     folder: Path,
     turbine: Turbine,
@@ -93,6 +97,7 @@ def prepare_run(
     times: RunTimes,
     controller: ServedController | None,
     changes: Mapping[str, Mapping[str, Any]],
+    sea: WaveComponents | None = None,
 ) -> Path:
     """Write the files of a run beside each other.
 
@@ -110,6 +115,8 @@ def prepare_run(
         Gives the demands; None: they are inputs of ServoDyn.
     changes : mapping
         Further values by module and keyword.
+    sea : WaveComponents, optional
+        Waves that a floating turbine meets.
 
     Returns
     -------
@@ -119,22 +126,30 @@ def prepare_run(
     if unknown := set(changes) - {"OpenFAST", *MODULES}:
         raise SimulationError(f"changes must name modules {', '.join(('OpenFAST', *MODULES))}; got {sorted(unknown)}")
     primary = InputFile(model)
-    for key, supported in (("CompElast", 1), ("CompInflow", 1), ("CompAero", 2), ("CompServo", 1)):
+    platform = turbine.floater
+    afloat = () if platform is None else (("CompSeaSt", 1), ("CompHydro", 1), ("CompMooring", 3))
+    for key, supported in (("CompElast", 1), ("CompInflow", 1), ("CompAero", 2), ("CompServo", 1), *afloat):
         if int(primary.number(key)) != supported:
             beam = "; blades of BeamDyn are not flown here" if key == "CompElast" else ""
             raise SimulationError(f"{model.name}: {key} must be {supported}{beam}, got {primary.text(key)}")
     files = {name: primary.file(key) for name, key in MODULES.items()}
     _require_turbine(model, files["ElastoDyn"], turbine)
+    waves = () if platform is None else ("SeaStFile",)
     if model.parent.resolve() != folder.resolve():
         if times.interval is None:
             for file in (primary, *files.values()):
                 file.resolve_paths()
         else:
-            primary.set_all(dict.fromkeys((*MODULES.values(), "InflowFile"), _REPLACED))  # the run has its own
+            primary.set_all(dict.fromkeys((*MODULES.values(), "InflowFile", *waves), _REPLACED))  # the run has its own
             files["ServoDyn"].set_all(dict.fromkeys(("DLL_FileName", "DLL_InFile"), _REPLACED))
             copy_named_files((primary, *files.values()), folder)
     _set_primary(primary, times)
-    _set_elastodyn(files["ElastoDyn"], turbine.n_blades, start)
+    if platform is not None:
+        primary.set("SeaStFile", write_sea(platform, sea, times.duration, folder).name)
+        if sea is not None and times.interval is None:
+            # waves are made for the whole run, and outputs are not before its end
+            primary.set_all({"TMax": times.duration, "TStart": times.duration - times.step})
+    _set_elastodyn(files["ElastoDyn"], turbine, start)
     _set_servodyn(files["ServoDyn"], start, controller)
     files["ServoDyn"].set_outputs(() if times.interval is None else servodyn_outputs(turbine.n_blades))
     for name, key in _STEPS.items():
@@ -197,14 +212,18 @@ def _hub(elastodyn: InputFile) -> tuple[float, float, float]:
     return overhang * math.cos(tilt), 0.0, height + overhang * math.sin(tilt)
 
 
-def _set_elastodyn(file: InputFile, n_blades: int, start: RunStart) -> None:
+def _set_elastodyn(file: InputFile, turbine: Turbine, start: RunStart) -> None:
+    n_blades, floats = turbine.n_blades, turbine.floater is not None
     file.set_all({
         "OoPDefl": start.tips[0], "IPDefl": start.tips[1], "TTDspFA": start.tower_top[0], "TTDspSS": start.tower_top[1],
         **{f"BlPitch({blade + 1})": math.degrees(start.pitch[blade]) for blade in range(n_blades)},
         "Azimuth": math.degrees(start.azimuth), "NacYaw": math.degrees(start.yaw),
         "RotSpeed": start.rotor_speed / _RPM, "OutFile": 1,
     })  # fmt: skip
-    file.set_outputs(elastodyn_outputs(n_blades))
+    if floats:
+        for k, name in enumerate(("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")):
+            file.set(f"Ptfm{name}", float(start.platform[k] if k < 3 else math.degrees(start.platform[k])))
+    file.set_outputs(elastodyn_outputs(n_blades, floats))
 
 
 def _set_servodyn(file: InputFile, start: RunStart, controller: ServedController | None) -> None:
@@ -258,7 +277,7 @@ class BentTurbine:
             (omega[2] ** 2 + rated**2) * float(self._mass @ edge**2) * width,
         )
         if turbine.tower.support is not None:  # its compliance is not known here
-            self._push = self._lean = 0.0
+            self._push = self._lean = self._weight = 0.0
             return
         tower = tower_sections(turbine)
         shape = np.linspace(0.0, 1.0, 200)[:, None] ** POWERS @ tower.fore_aft_shapes[0]
@@ -267,6 +286,7 @@ class BentTurbine:
         along = np.interp(np.linspace(0.0, 1.0, 200), tower.fraction, tower.mass)
         modal = top + float(np.mean(along * shape**2)) * turbine.tower.length
         self._push = 1.0 / float((2.0 * np.pi * tower.frequencies[0]) ** 2 * modal)
+        self._weight = GRAVITY * (top + float(np.mean(along * shape)) * turbine.tower.length)
         slope = float(POWERS @ tower.side_side_shapes[0]) / turbine.tower.length
         self._lean = slope / float((2.0 * np.pi * tower.frequencies[2]) ** 2 * modal)
 
@@ -283,7 +303,7 @@ class BentTurbine:
             [rad].
         """
         turbine = self._turbine
-        if rotor_speed < 0.1 * turbine.drivetrain.rated_rotor_speed or wind <= 0.0:
+        if not self._turns(wind, rotor_speed):
             return Deflections(0.0, 0.0, 0.0, 0.0)
         loads = self._elements.solve(wind, rotor_speed, pitch)
         normal, driving = loads["normal"][0], loads["driving"][0]
@@ -323,12 +343,27 @@ class BentTurbine:
         tower_top : array (2,), optional
             Displacement along and across the nacelle [m], instead of that under the steady wind.
         """
-        bent = self.deflections(start_speed(inflow), rotor_speed, float(pitch.mean()))
+        wind, mean_pitch = start_speed(inflow), float(pitch.mean())
+        bent = self.deflections(wind, rotor_speed, mean_pitch)
         fore, side = (bent.fore_aft, bent.side_side) if tower_top is None else tower_top.tolist()
         cos, sin = math.cos(yaw), math.sin(yaw)
         top = cos * fore - sin * side, sin * fore + cos * side
         tips = bent.out_of_plane, bent.in_plane
-        return RunStart(max(rotor_speed, _LEAST_SPEED), azimuth, yaw, pitch, top, tips)
+        speed = max(rotor_speed, _LEAST_SPEED)
+        if self._turbine.floater is None:
+            return RunStart(speed, azimuth, yaw, pitch, top, tips)
+        thrust = torque = 0.0
+        if self._turns(wind, rotor_speed):
+            loads = self._elements.solve(wind, rotor_speed, mean_pitch)
+            thrust, torque = float(loads["thrust"][0]), float(loads["power"][0]) / rotor_speed
+        place = resting_place(self._turbine, thrust, torque, yaw)
+        if tower_top is None:  # a tower that leans bends under its own weight
+            top = top[0] + self._push * self._weight * place[4], top[1] - self._push * self._weight * place[3]
+        return RunStart(speed, azimuth, yaw, pitch, top, tips, place)
+
+    def _turns(self, wind: float, rotor_speed: float) -> bool:
+        """Whether the rotor turns in a wind, and not just barely."""
+        return rotor_speed >= 0.1 * self._turbine.drivetrain.rated_rotor_speed and wind > 0.0
 
 
 FOLDER = "model"

@@ -31,6 +31,7 @@ from wt_gym.turbines.variants import clockwise_image, with_generator
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from wt_gym.hydrodynamics.waves import WaveComponents
     from wt_gym.simulation import Fidelity
     from wt_gym.turbines import PitchSystem
     from wt_gym.wind import Inflow
@@ -72,13 +73,15 @@ class OpenFASTSimulator(DrivenSimulator):
         compiled at the first use and needs a C compiler or the PyPI package ``ziglang``. "inputs": as inputs of the
         library, for builds whose ServoDyn accepts PCMode = VSContrl = YCMode = 4.
     duration : float
-        How long a wind that does not repeat itself must last [s]; OpenFAST reads it whole at the start.
+        How long waves, and a wind that does not repeat itself, must last [s]; OpenFAST reads them whole at the start.
     step : float, optional
         Of OpenFAST [s], rounded so that whole ones make a step of the simulator; by default that of the model, or 1/396
         of a turn at rated speed, at most 0.0125 s.
     changes : mapping, optional
         Further inputs by module ("OpenFAST", "ElastoDyn", "AeroDyn", "ServoDyn") and keyword, as ``{"AeroDyn":
         {"UA_Mod": 3}}``; None leaves a keyword to OpenFAST.
+    sea : WaveComponents, optional
+        Waves, where the turbine floats; by default the water is still.
     folder : path, optional
         Keeps the files of the model and of the last start, in a folder ``run_…`` for each simulator; by default they
         are removed.
@@ -122,6 +125,7 @@ class OpenFASTSimulator(DrivenSimulator):
         step: float | None = None,
         changes: Mapping[str, Mapping[str, Any]] | None = None,
         folder: str | PathLike[str] | None = None,
+        sea: WaveComponents | None = None,
     ):
         self._process: OpenFASTProcess | None = None
         self._temporary: TemporaryDirectory[str] | None = None
@@ -143,7 +147,7 @@ class OpenFASTSimulator(DrivenSimulator):
         self.fidelity = fidelity_of(choose_fidelity(turbine, fidelity))
         self.time_step = self.fidelity.step_for(self.turbine.drivetrain.rated_rotor_speed)
         check_damper_step(self._image.drivetrain, self.time_step)
-        self.inflow = inflow
+        self.inflow, self.sea = inflow, sea
         self.drives = Drives(self._image)
         self._duration, self._changes, self._lasts = float(duration), dict(changes or {}), math.inf
         if folder is None:
@@ -173,9 +177,11 @@ class OpenFASTSimulator(DrivenSimulator):
     @property
     def signals(self) -> Signals:
         """Signals at the current time, a fresh copy."""
-        return self._running()[1].signals(parities(self.turbine.n_blades) if self.mirrored else None)
+        return self._running()[1].signals(
+            parities(self.turbine.n_blades, self.turbine.n_lines) if self.mirrored else None
+        )
 
-    def reset(
+    def reset(  # noqa: PLR0913
         self,
         rotor_speed: float,
         pitch: ArrayLike = 0.0,
@@ -185,6 +191,7 @@ class OpenFASTSimulator(DrivenSimulator):
         tower_top: ArrayLike | None = None,
         wake_thrust: float | None = None,
         motion: ArrayLike | None = None,
+        platform: ArrayLike | None = None,
     ) -> Signals:
         """Start OpenFAST at time zero.
 
@@ -214,9 +221,11 @@ class OpenFASTSimulator(DrivenSimulator):
         displaced = None if tower_top is None else tower_top[:2]
         start = self._bent.start(self.inflow, rotor_speed, angles, azimuth, yaw, displaced)
         try:
+            sea = self._sea.mirrored() if self._sea is not None and self.mirrored else self._sea
             primary = prepare_run(
                 self.model, self._folder, self._image, self._felt, start, RunTimes(self.openfast_step, self._duration),
                 None if self._relay is None else ServedController(str(self._relay), self._relay.name), self._changes,
+                sea,
             )  # fmt: skip
             demands = self._demands(angles[None, :], command[TORQUE], yaw, 0.0)
             process = OpenFASTProcess(self._library, primary, self._relay, demands[0], self._folder / "openfast.log")
@@ -227,7 +236,7 @@ class OpenFASTSimulator(DrivenSimulator):
             raise SimulationError(f"OpenFAST takes steps of {process.step} s; {self.openfast_step} s were asked for")
         self._process, self._measurement = process, measurement
         self._path.start(angles)
-        self._lasts = math.inf if repeats(self._felt) else self._duration
+        self._lasts = math.inf if repeats(self._felt) and self._sea is None else self._duration
         self._n_steps = 0
         if generator_torque is None:
             self.drives.load(measurement.aero_torque(process.outputs), rotor_speed)
@@ -256,8 +265,8 @@ class OpenFASTSimulator(DrivenSimulator):
         n = self._steps_in(duration, yaw_rate=yaw_rate, generator_torque=generator_torque)
         if self.time + duration > self._lasts + 1e-6:
             raise SimulationError(
-                f"the wind was written for {self._lasts:g} s, and {self.time + duration:g} s are asked for: make the "
-                "argument duration longer"
+                f"wind and waves were written for {self._lasts:g} s, and {self.time + duration:g} s are asked for: "
+                "make the argument duration longer"
             )
         yaw_rate = -yaw_rate if self.mirrored else yaw_rate
         command = drives.command

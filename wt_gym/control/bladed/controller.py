@@ -44,6 +44,7 @@ from wt_gym.control.bladed.records import (
     new_swap,
     write_demand,
     write_lidar,
+    write_platform,
     write_readings,
     write_turbine,
 )
@@ -211,7 +212,7 @@ class BladedOptions(Options):
     function: str = option("name of its function", default=DEFAULT_FUNCTION, unit="-")
     interval: float | None = option(
         "longest time between calls; within a longer step of the controller the readings go linearly from the last to "
-        "the present ones", default=None, unit="s", low=0.0, above=True, otherwise="the controller's step",
+        "the current ones", default=None, unit="s", low=0.0, above=True, otherwise="the controller's step",
     )  # fmt: skip
     individual_pitch: bool = option(
         "whether each blade has its own demand: records 42 to 44 or record 45", default=True, unit="-"
@@ -282,7 +283,7 @@ class BladedController:
         """Lidar that `wt_gym.control.controllers.lidar_of` returns."""
         if self.lidar is not None:
             check_points(self.lidar, "on the Bladed interface")
-        self.channels = channels_read(turbine.n_blades, self.lidar)
+        self.channels = channels_read(turbine.n_blades, self.lidar, turbine.floater is not None)
         self._read = np.concatenate([_READ, lidar_indices(self.lidar)])
         self._kept = np.concatenate([self._read, _DEMANDS])  # what is noted of a call
         self._loaded: Library | None = None
@@ -295,7 +296,7 @@ class BladedController:
     # ---- the contract ----------------------------------------------------------------------------------------------
 
     def start(self, signals: Readings, demand: Demand) -> None:
-        """Load the library afresh; the present demand holds where it demands nothing.
+        """Load the library afresh; the current demand holds where it demands nothing.
 
         Its first call waits for the first step, which tells the interval of the calls: libraries make their filters
         for it.
@@ -358,6 +359,8 @@ class BladedController:
     def _write(self, signals: Readings) -> None:
         """Write the readings of an instant."""
         write_readings(self._swap, signals, self.turbine.n_blades)
+        if self.turbine.floater is not None:
+            write_platform(self._swap, signals)
         if self.lidar is not None:
             write_lidar(self._swap, signals, self.lidar, self.turbine.hub_height, self.turbine.rotation)
 

@@ -97,10 +97,19 @@ RECORDS = (
     Record((61,), "-", "turbine", "number of blades"),
     Record((62, 63, 64), "-", "turbine", "values for logging: most, first record, characters of their names"),
     Record((69, 70, 71), "N m", "simulation", "in-plane root moments of the coned blade, not pitched"),
+    Record(
+        (82, 83, 84), "rad/s²", "simulation",
+        "angular acceleration of the nacelle about its axes, of a floating turbine: that of the platform, on which the "
+        "tower bends; else 0",
+    ),
     Record((95,), "kg/m³", "turbine", "air density"),
     Record((109,), "N m", "simulation", "torque in the low-speed shaft"),
     Record((110,), "N", "simulation", "axial force in the low-speed shaft"),
     Record((129,), "-", "turbine", "length of the array"),
+    Record(
+        tuple(range(1001, 1019)), "m, rad, s", "simulation",
+        "surge, sway, heave, roll, pitch and yaw of a floating platform, then their rates, then accelerations; else 0",
+    ),
     Record((2001,), "-", "lidar", "kind of lidar, 3: pulsed"),
     Record((2002, 2003), "-", "lidar", "1 beam, n gates; beams apart: their number, and that of the gates"),
     Record(
@@ -122,11 +131,19 @@ _SINGLE = (
 _ACCELERATIONS = ("nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side")
 
 
-def channels_read(n_blades: int, lidar: Lidar | None = None) -> tuple[str, ...]:
-    """Channels behind the readings of a turbine with so many blades, and of a lidar."""
+_PLATFORM = tuple(
+    f"platform_{motion}{of}"
+    for of in ("", "_rate", "_acceleration")
+    for motion in ("surge", "sway", "heave", "roll", "pitch", "yaw")
+)
+"""Channels of the records from 1001 on."""
+
+
+def channels_read(n_blades: int, lidar: Lidar | None = None, floats: bool = False) -> tuple[str, ...]:
+    """Channels behind the readings of a turbine with so many blades, of a lidar, and of a platform."""
     per_blade = ("pitch", "root_flap_moment", "root_edge_moment")
     blades = [f"{name}_{b}" for name in per_blade for b in range(1, n_blades + 1)]
-    seen = () if lidar is None else lidar.names
+    seen = (*(() if lidar is None else lidar.names), *(_PLATFORM if floats else ()))
     return ("time", "wind_x", "wind_y", *_ACCELERATIONS, *(name for _, name in _SINGLE), *blades, *seen)
 
 
@@ -166,6 +183,16 @@ def write_turbine(swap: np.ndarray, turbine: Turbine, individual_pitch: bool, st
     }  # fmt: skip
     for number, value in values.items():
         swap[number - 1] = value
+
+
+def write_platform(swap: np.ndarray, signals: Readings) -> None:
+    """Write the motion of a platform; the nacelle turns with it, as if the tower did not bend."""
+    first, yaw = 1001 - 1, signals["yaw"]
+    motion = [signals[name] for name in _PLATFORM]
+    swap[first : first + len(motion)] = motion
+    roll, pitch, turn = motion[-3:]
+    c, s = math.cos(yaw), math.sin(yaw)
+    swap[82 - 1 : 84] = c * roll + s * pitch, c * pitch - s * roll, turn
 
 
 def write_readings(swap: np.ndarray, signals: Readings, n_blades: int) -> None:

@@ -30,7 +30,14 @@ from wt_gym.control.bladed.controller import BladedController
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters
-from wt_gym.control.design import rotor_inertia, same_rotor, slower_than_reference
+from wt_gym.control.design import (
+    full_power_wind,
+    platform_pitch_frequency,
+    rotor_inertia,
+    same_rotor,
+    slower_than_reference,
+    trim_pitch,
+)
 from wt_gym.control.operating_point import operating_point, torque_curve, tracks_tip_speed_ratio
 from wt_gym.control.rotor import RotorTable, rotor_of
 from wt_gym.turbines import load_turbine
@@ -149,7 +156,7 @@ def _parameters(turbine: Turbine, table: RotorTable) -> dict[str, object]:
         "LoggingLevel": 0, "Echo": 0, "DT_Out": 0, "Ext_Interface": 1,
         "F_LPFType": 2 if base.filter_damping > 0.0 else 1, "IPC_ControlMode": 0, "VS_ControlMode": 2,
         "VS_ConstPower": int(base.constant_power), "VS_FBP": 0, "PC_ControlMode": 1, "Y_ControlMode": 0, "SS_Mode": 1,
-        "PRC_Mode": 0, "WE_Mode": 2, "PS_Mode": 1, "SU_Mode": 0, "SD_Mode": 0, "FL_Mode": 0, "TD_Mode": 0,
+        "PRC_Mode": 0, "WE_Mode": 2, "PS_Mode": 1, "SU_Mode": 0, "SD_Mode": 0, "Fl_Mode": 0, "TD_Mode": 0,
         "TRA_Mode": 0, "Flp_Mode": 0, "OL_Mode": 0, "PA_Mode": 0, "PF_Mode": 0, "AWC_Mode": 0, "Ext_Mode": 0,
         "ZMQ_Mode": 0, "CC_Mode": 0, "StC_Mode": 0,
         "F_LPFCornerFreq": base.corner_frequency, "F_LPFDamping": base.filter_damping,
@@ -178,6 +185,19 @@ def _parameters(turbine: Turbine, table: RotorTable) -> dict[str, object]:
         "PS_BldPitchMin_N": wind.size, "PS_WindSpeeds": wind, "PS_BldPitchMin": tracking.schedule_pitch,
         "Ind_Breakpoint": 0, "Ind_BldPitch": (0, 0, 0), "Ind_GenTq": 0, "Ind_YawRate": 0,
     }  # fmt: skip
+
+
+def _feedback_values(turbine: Turbine, mode: int) -> dict[str, object]:
+    """Values of the floating feedback (Fl_*, F_Fl*), by the rules of ROSCO's tuning tools.
+
+    The gain is minus the slope of the steady pitch over the wind just above rated, for the pitch rate (mode 2) times
+    the height of the hub; the filter has its corner at the natural frequency of the platform's pitch.
+    """
+    wind = _FEEDBACK_WIND * full_power_wind(turbine)
+    around = trim_pitch(turbine, wind * np.array([0.99, 1.01]))
+    gain = -float(around[1] - around[0]) / (0.02 * wind) * (turbine.hub_height if mode == 2 else 1.0)
+    corner = platform_pitch_frequency(turbine)
+    return {"Fl_n": 1, "Fl_Kp": gain, "Fl_U": wind, "F_FlCornerFreq": (corner, 1.0)}
 
 
 def _poles(turbine: Turbine, table: RotorTable, winds: np.ndarray) -> np.ndarray:
@@ -212,6 +232,10 @@ _FACTORS = {
 Where ROSCO holds the power, its factor on rated torque is that on the power. Without it a slower turbine makes up to a
 tenth more than R, one with a higher fine pitch all above rated wind.
 """
+_FLOATING_TUNED = {"volturnus_iea_15mw": "IEA-15-240-RWT/IEA-15-240-RWT-UMaineSemi/IEA-15-240-RWT-UMaineSemi_DISCON.IN"}
+"""Those for turbines with rotor and platform of one of the catalog."""
+_FEEDBACK_WIND = 1.05
+"""Wind of the gain of ROSCO's floating feedback in rated wind speeds [-]."""
 _COURSE, _STEP, _LONGEST = "demanded_power.dat", 0.01, 1e5
 LONGEST_INTERVAL = 0.0125
 """Longest time between calls [s], the step with which ROSCO is used in OpenFAST."""
@@ -243,6 +267,11 @@ class RoscoOptions(Options):
         "factor on ROSCO's durations of a start-up, and on the 600 s over which the pitch is averaged that stops the "
         "turbine", default=1.0, unit="-", low=0.0, above=True,
     )  # fmt: skip
+    floating: int | None = option(
+        "feedback of the motion of a platform, Fl_Mode: 0 none, 1 velocity of the nacelle fore-aft, 2 its pitch rate",
+        default=None, unit="-", low=0, high=2, otherwise="that of the input file; 2 in one made here",
+        only_of=lambda turbine: turbine.floater is not None,
+    )  # fmt: skip
     isolated: bool = option("whether it runs in a process of its own", default=False, unit="-")
 
 
@@ -250,7 +279,7 @@ _TUNED = {
     "nrel_5mw": "NREL-5MW/DISCON.IN",
     "iea_15mw": "IEA-15-240-RWT/IEA-15-240-RWT-Monopile/IEA-15-240-RWT-Monopile_DISCON.IN",
 }
-"""Input files of the package's test cases for turbines with the rotor of one of the catalogue."""
+"""Input files of the package's test cases for turbines with the rotor of one of the catalog."""
 
 
 def _package() -> Path:
@@ -282,8 +311,10 @@ def rosco_library() -> Path:
 
 def tuned_input(turbine: Turbine) -> Path | None:
     """Input file of the package for a turbine; None where it brings none."""
-    for name, case in _TUNED.items():
+    for name, case in (_TUNED if turbine.floater is None else _FLOATING_TUNED).items():
         known = _known(name)
+        if known.floater is not None and turbine.floater is not None and known.floater.name != turbine.floater.name:
+            continue
         if known.rotor_diameter == turbine.rotor_diameter and same_rotor(known, turbine):
             path = _package().parent / "Examples" / "Test_Cases" / case
             return path if path.is_file() else None
@@ -325,6 +356,12 @@ class RoscoController(BladedController):
             target.write_text(quiet_input(source), encoding="utf-8")
         else:
             raise FileNotFoundError(f"there is no input file {source} of ROSCO")
+        if turbine.floater is not None and (o.floating is not None or source is None):
+            mode = 2 if o.floating is None else o.floating
+            # the gain of the package's file belongs to the pitch rate
+            has_own = o.input_file is not None or (source is not None and mode != 1)
+            values = {"Fl_Mode": mode} | ({} if has_own else _feedback_values(turbine, mode))
+            target.write_text(with_values(target.read_text(encoding="utf-8"), values), encoding="utf-8")
         super().__init__(turbine, library, target, interval=o.interval, isolated=o.isolated)
         self.input_folder = folder
         """Holds the input file as long as this controller or a copy of it lives."""

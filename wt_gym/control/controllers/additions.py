@@ -544,7 +544,7 @@ class YawByDeadBand:
         return self._slow.value
 
     def start(self, signals: Readings) -> None:
-        """Start at rest, as if the present error had been there for long, but no further than the dead-band."""
+        """Start at rest, as if the current error had been there for long, but no further than the dead-band."""
         error = signals["yaw_error"]
         self._slow.reset(min(max(error, -self.dead_band), self.dead_band))
         self._fast.reset(error)

@@ -68,7 +68,7 @@ class Controller(Reads, Protocol):
     """A part that decides on all demands of a turbine."""
 
     def start(self, signals: Readings, demand: Demand) -> None:
-        """Start bumplessly: forget everything and continue from the present demand on the actuators."""
+        """Start bumplessly: forget everything and continue from the current demand on the actuators."""
         ...
 
     def step(self, signals: Readings, dt: float) -> Demand:
@@ -243,7 +243,7 @@ def lidar_of(controller: Controller | None) -> Lidar | None:
 def readings_of(
     controller: Controller, signals: Signals, inflow: Inflow, hub_height: float, rotation: str = "clockwise"
 ) -> Readings:
-    """Signals of the present instant for a controller, with the readings of its lidar if it has one.
+    """Signals of the current instant for a controller, with the readings of its lidar if it has one.
 
     The hub height is in m; the rotation of the rotor, "clockwise" or "counter-clockwise", counts beams that are apart.
     """
@@ -339,7 +339,7 @@ class Combined:
         return tuple(dict.fromkeys(name for part in parts for name in part.channels))
 
     def start(self, signals: Readings, demand: Demand) -> None:
-        """Start the base from the present demand, the additions from nothing."""
+        """Start the base from the current demand, the additions from nothing."""
         self.base.start(signals, demand)
         for addition in self.additions:
             addition.start(signals)

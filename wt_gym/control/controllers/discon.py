@@ -78,8 +78,14 @@ class PitchLaw:
         factor = self.factor(pitch)
         return factor * self.proportional_gain, factor * self.integral_gain
 
+    def answer(self, pitch: float) -> tuple[float, float]:
+        """Gains of small changes about a pitch [rad]: the published factor falls as the pitch that it makes rises."""
+        proportional, integral = self.gains(pitch)
+        fall = 0.0 if self.table is not None else self.factor(pitch) * pitch / self.gain_doubling_pitch
+        return proportional / (1.0 + fall), integral / (1.0 + fall)
+
     def holding(self, pitch: float, error: float | None = None) -> float:
-        """Integral with which the law demands the present pitch [rad] at a speed error [rad/s].
+        """Integral with which the law demands the current pitch [rad] at a speed error [rad/s].
 
         Without an error the integral alone holds the pitch.
         """
@@ -109,7 +115,7 @@ class PitchLaw:
         return min(max(demand, low), high), integral
 
     def moved(self, before: float, change: float, integral: float) -> float:
-        """Integral with which the next demand is moved by ``change`` [rad] from the present one ``before`` [rad].
+        """Integral with which the next demand is moved by ``change`` [rad] from the current one ``before`` [rad].
 
         The gain factor stands before the integral too: a shift of the integral alone would shrink with the factor that
         belongs to the new pitch.
@@ -274,7 +280,7 @@ class DisconController:
         self._filter = SecondOrderLowPass(p.corner_frequency, damping) if damping > 0.0 else None
 
     def start(self, signals: Readings, demand: Demand) -> None:
-        """Start bumplessly: the first command continues from the present pitch, of all blades or each.
+        """Start bumplessly: the first command continues from the current pitch, of all blades or each.
 
         Raises
         ------
@@ -309,7 +315,7 @@ class DisconController:
         return Demand(self.pitch.copy(), 0.0, torque)
 
     def shift_pitch(self, change: float) -> None:
-        """Move the present command and its integral, and with them the next one, by so much [rad], within limits."""
+        """Move the current command and its integral, and with them the next one, by so much [rad], within limits."""
         p, angles = self.parameters, self.pitch.tolist()
         pitch = [min(max(angle + change, p.min_pitch), p.max_pitch) for angle in angles]
         self.speed_integral = p.pitch_law.moved(angles[0], pitch[0] - angles[0], self.speed_integral)

@@ -109,7 +109,7 @@ class LidarFeedforward:
         self._forget()
 
     def start(self, signals: Readings, demand: Demand) -> None:
-        """Start the base from the present demand; of the wind only the present reading of the lidar is known."""
+        """Start the base from the current demand; of the wind only the current reading of the lidar is known."""
         self.base.start(signals, demand)
         self._forget()
         if self.fade is not None:

@@ -1,7 +1,7 @@
 """The one way in which controllers and agents are named, on every command line and in ``gym.make(controller=...)``.
 
 ======================================  ===========================================================================
-``NAME+NAME:key=value,...``             controllers of the catalogue; ``controller:`` may stand in front
+``NAME+NAME:key=value,...``             controllers of the catalog; ``controller:`` may stand in front
 ``bladed:LIBRARY:key=value,...``        a compiled controller with the Bladed interface
 ``path/file.py:Class:key=value,...``    your own class, or a function, in a file
 ``module:Class:key=value,...``          the same in a module
@@ -9,7 +9,7 @@
 another word, ``WORD:key=value,...``    further agents of a command, see `wt_gym.experiment.names`
 ======================================  ===========================================================================
 
-The catalogue is one table (`CATALOGUE`): a part's name, its place in a controller, the function that makes it for a
+The catalog is one table (`CATALOG`): a part's name, its place in a controller, the function that makes it for a
 turbine, and the record that declares its parameters (`wt_gym.base.options`).
 """
 
@@ -38,6 +38,7 @@ from wt_gym.control.bladed.rosco import RoscoController, RoscoOptions, rosco_lib
 from wt_gym.control.controllers import additions, linear_optimal, own, power_tracking, tsr_tracking
 from wt_gym.control.controllers.controller import Combined, Controller, is_addition, is_controller
 from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, FaultSupervisorOptions
+from wt_gym.control.controllers.floating_feedback import FloatingFeedback, FloatingOptions
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward, LidarOptions
 from wt_gym.control.controllers.own import TUNED, record_of, tuned_parameters
 from wt_gym.control.controllers.supervisor import Supervisor, SupervisorOptions
@@ -45,7 +46,7 @@ from wt_gym.control.controllers.supervisor import Supervisor, SupervisorOptions
 if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
-# ---- the catalogue ----
+# ---- the catalog ----
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class Entry:
     defaults: Mapping[str, Any] = field(default_factory=dict)  #: defaults other than those of the declaration
 
 
-CATALOGUE = {
+CATALOG = {
     "discon": Entry(
         "base", "The turbine's own controller, with published constants where its data have them.", own.own_controller,
         own.OwnOptions,
@@ -99,6 +100,10 @@ CATALOGUE = {
     ),
     "lidar": Entry(
         "wrapper", "Collective pitch ahead of the wind that a lidar sees.", LidarFeedforward, LidarOptions
+    ),
+    "floating": Entry(
+        "wrapper", "Collective pitch by the pitch rate of a floating platform, against which a speed loop drives it.",
+        FloatingFeedback, FloatingOptions,
     ),
     "supervisor": Entry(
         "wrapper", "Start-up, shut-down, soft or hard cut-out and restart around a base.", Supervisor,
@@ -141,13 +146,13 @@ CATALOGUE = {
 """Parts by name; wrappers in the order in which they stand around a base, the first within the others."""
 
 
-BASES = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "base")
+BASES = tuple(name for name, entry in CATALOG.items() if entry.kind == "base")
 """Controllers that decide on pitch and torque."""
-WRAPPERS = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "wrapper")
+WRAPPERS = tuple(name for name, entry in CATALOG.items() if entry.kind == "wrapper")
 """Parts that work on a base before all additions, the first within the others."""
-ADDITIONS = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "addition")
+ADDITIONS = tuple(name for name, entry in CATALOG.items() if entry.kind == "addition")
 """Parts that change the demand of a controller."""
-GUARDS = tuple(name for name, entry in CATALOGUE.items() if entry.kind == "guard")
+GUARDS = tuple(name for name, entry in CATALOG.items() if entry.kind == "guard")
 """Parts that stand around a base with all its additions."""
 SHORT_FOR = {
     "tower_dampers": ("fore_aft_damper", "side_side_damper"),
@@ -155,7 +160,7 @@ SHORT_FOR = {
     **TUNED,
 }
 """Names that stand for several parts; those of `TUNED` bring parameters with them."""
-CONTROLLERS = (*CATALOGUE, *SHORT_FOR)
+CONTROLLERS = (*CATALOG, *SHORT_FOR)
 """Every name; additions stand on "discon" where there is no base."""
 COMPILED = ("rosco", "bladed")
 """Names of controllers that are libraries of others."""
@@ -173,8 +178,8 @@ def declared_parameters(name: str) -> tuple[Option, ...]:
     >>> [parameter.name for parameter in declared_parameters("yaw")]
     ['dead_band', 'stop', 'slow', 'fast']
     """
-    if name in CATALOGUE:
-        entry = CATALOGUE[name]
+    if name in CATALOG:
+        entry = CATALOG[name]
         return tuple(
             replace(one, flat=f"{one.name} of controller {name!r}", default=entry.defaults.get(one.name, one.default))
             for one in options_of(entry.options)
@@ -193,8 +198,8 @@ def controller_parameters(name: str) -> dict[str, Any]:
 
 def controller_summary(name: str) -> str:
     """Say in one sentence what a name of `CONTROLLERS` stands for."""
-    if name in CATALOGUE:
-        return CATALOGUE[name].summary
+    if name in CATALOG:
+        return CATALOG[name].summary
     parts = "+".join(SHORT_FOR[name])
     return f"Stands for {parts}" + (", with the parameters that a search found." if name in TUNED else ".")
 
@@ -221,7 +226,7 @@ def _unknown(choice: str, unknown: list[str]) -> str:
 def _parts(choice: str) -> tuple[str, ...]:
     """Base, wrappers from the inside out, additions and guards of a name, checked."""
     parts = [part for name in choice.split("+") for part in SHORT_FOR.get(name, (name,))]
-    if unknown := [part for part in parts if part not in CATALOGUE]:
+    if unknown := [part for part in parts if part not in CATALOG]:
         raise ValueError(_unknown(choice, unknown))
     if parts[0] not in BASES:
         parts.insert(0, BASELINE)
@@ -231,9 +236,7 @@ def _parts(choice: str) -> tuple[str, ...]:
             f"({', '.join((*WRAPPERS, *ADDITIONS, *GUARDS))}), each once"
         )
     kinds, wrappers = ("base", "wrapper", "addition", "guard"), list(WRAPPERS)
-    place = {
-        part: (kinds.index(CATALOGUE[part].kind), wrappers.index(part) if part in WRAPPERS else 0) for part in parts
-    }
+    place = {part: (kinds.index(CATALOG[part].kind), wrappers.index(part) if part in WRAPPERS else 0) for part in parts}
     return tuple(sorted(parts, key=lambda part: place[part]))
 
 
@@ -261,15 +264,15 @@ def _distribute(
     return values
 
 
-def _of_catalogue(choice: str, turbine: Turbine, parameters: Mapping[str, Any]) -> Controller:
-    """Controller of names of the catalogue joined with "+"."""
+def _of_catalog(choice: str, turbine: Turbine, parameters: Mapping[str, Any]) -> Controller:
+    """Controller of names of the catalog joined with "+"."""
     parts = _parts(choice)
     tuned = {k: v for name in choice.split("+") if name in TUNED for k, v in tuned_parameters(name, turbine).items()}
     values = _distribute(parts, tuned | dict(parameters), turbine)
 
     inside: list[Any] = []  # the controller so far, and its additions
     for part in parts:
-        entry = CATALOGUE[part]
+        entry = CATALOG[part]
         stands_on = () if entry.kind == "addition" else inside
         made = entry.make(turbine, *stands_on, **{**entry.defaults, **values[part]})
         inside = [*inside, made] if entry.kind == "addition" else [made]
@@ -322,7 +325,7 @@ class Name:
 
     kind: str  #: one of "word", "controller", "class", "trained"
     target: str
-    """Word, names of the catalogue joined with "+", ``file.py:Class`` or ``module:Class``, or path; aliases
+    """Word, names of the catalog joined with "+", ``file.py:Class`` or ``module:Class``, or path; aliases
     resolved."""
     parameters: dict[str, Any] = field(default_factory=dict)  #: by key
 
@@ -399,7 +402,7 @@ def _all_known(names: str) -> bool:
 
 
 def _canonical(names: str) -> str:
-    """Names of the catalogue with aliases resolved."""
+    """Names of the catalog with aliases resolved."""
     return "+".join(ALIASES.get(name, name) for name in names.split("+"))
 
 
@@ -564,7 +567,7 @@ def _module_of_file(file: Path) -> Any:
 
 
 def _module(name: str, target: str) -> Any:
-    """Module by name; the present folder is looked in after all others."""
+    """Module by name; the current folder is looked in after all others."""
     here = os.getcwd()
     if here not in sys.path:
         sys.path.append(here)
@@ -633,7 +636,7 @@ def make_controller(
                 f"{target!r} must be a controller (channels, start, step): a trained model acts on observations and "
                 "cannot run below actions or without an environment; name it as an agent, as in wt-gym evaluate"
             )
-        return _of_catalogue(target, turbine, beside | parameters)
+        return _of_catalog(target, turbine, beside | parameters)
     if is_controller(choice):
         if parameters:
             raise TypeError(f"a controller that is made already takes no parameters, got {', '.join(parameters)}")
@@ -659,7 +662,7 @@ def _of_own_class(target: str, turbine: Turbine, parameters: dict[str, Any]) -> 
         wanted = {"turbine": turbine} if "turbine" in inspect.signature(maker).parameters else {}
         made = call_maker(target, partial(maker, **wanted), parameters)
     if is_addition(made):
-        return Combined(_of_catalogue(BASELINE, turbine, {}), made)
+        return Combined(_of_catalog(BASELINE, turbine, {}), made)
     return _checked(made, target)
 
 

@@ -80,6 +80,28 @@ def _has_torque_curve(turbine: Turbine) -> bool:
     return not tracks_tip_speed_ratio(turbine)
 
 
+def _floats(turbine: Turbine) -> bool:
+    return turbine.floater is not None
+
+
+@lru_cache(maxsize=8)
+def on_land(turbine: Turbine) -> Turbine:
+    """A floating turbine with the control data of the turbine of the catalog that has its rotor and stands on land.
+
+    Raises
+    ------
+    wt_gym.base.errors.ControllerError
+        If the catalog has none.
+    """
+    for name in RECORDS:
+        land = load_turbine(name)
+        if land.floater is None and land.rotor_diameter == turbine.rotor_diameter and same_rotor(land, turbine):
+            return replace(turbine, control=land.control)
+    raise ControllerError(
+        f"land_gains needs a turbine of the catalog with the rotor of {turbine.name!r}; there is none"
+    )
+
+
 _ANGLES: dict[str, Any] = {"low": -math.pi, "high": math.pi, "only_of": _has_torque_curve}
 
 
@@ -128,6 +150,14 @@ class OwnOptions(Options):
         default=None, unit="-", low=0.0, high=1.0, above=True, otherwise="the published least pitch, if any",
         only_of=tracks_tip_speed_ratio,
     )  # fmt: skip
+    land_gains: bool = option(
+        "use of the controller of the turbine of the catalog with the same rotor on land, whose speed loop drives a "
+        "platform", default=False, unit="-", only_of=_floats,
+    )  # fmt: skip
+    constant_power: bool | None = option(
+        "torque above rated that holds the power; else it is rated torque", default=None, unit="-",
+        otherwise="the turbine's own", in_use=lambda turbine: BaselineParameters.from_turbine(turbine).constant_power,
+    )  # fmt: skip
 
 
 def own_parameters(turbine: Turbine, **parameters: Any) -> BaselineParameters:
@@ -136,6 +166,8 @@ def own_parameters(turbine: Turbine, **parameters: Any) -> BaselineParameters:
     Those of the torque below rated have no effect here.
     """
     o = OwnOptions(**parameters)
+    if o.land_gains:
+        turbine = on_land(turbine)
     made = BaselineParameters.from_turbine(turbine)
     if o.natural_frequency is not None or o.damping_ratio is not None:
         design = design_point(turbine)
@@ -149,7 +181,7 @@ def own_parameters(turbine: Turbine, **parameters: Any) -> BaselineParameters:
     if made.gain_table is not None:
         made = replace(made, gain_table=_scaled(made.gain_table, o.kp, o.ki))
     same = ("corner_frequency", "filter_damping", "notch_frequency", "reference_speed", "min_pitch",
-            "region_3_min_pitch")  # fmt: skip
+            "region_3_min_pitch", "constant_power")  # fmt: skip
     values = {"proportional_gain": o.kp, "integral_gain": o.ki} | {name: getattr(o, name) for name in same}
     return replace(made, **{name: value for name, value in values.items() if value is not None})
 
@@ -175,6 +207,8 @@ def own_controller(turbine: Turbine, **parameters: Any) -> Controller:
         If the closed loop is unstable; for parameters that say the same.
     """
     o, made = OwnOptions(**parameters), own_parameters(turbine, **parameters)
+    if o.land_gains:
+        turbine = on_land(turbine)
     check_speed_loop(turbine, made)
     if tracks_tip_speed_ratio(turbine):
         tracked = {"tip_speed_ratio": o.tip_speed_ratio, "thrust_limit": o.thrust_limit}
@@ -260,7 +294,7 @@ def _estimator(turbine: Turbine, made: TsrTrackingParameters) -> WindEstimator:
 FOUND: dict[str, float] = {
     name: record.region_2_gain_factor for name, record in RECORDS.items() if record.region_2_gain_factor is not None
 }
-"""Multiple of the published region-2 gain, by the turbine of the catalogue with the rotor and drive train."""
+"""Multiple of the published region-2 gain, by the turbine of the catalog with the rotor and drive train."""
 
 
 def _factor(turbine: Turbine) -> float | None:

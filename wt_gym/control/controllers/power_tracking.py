@@ -179,7 +179,7 @@ class PowerTracking(DisconController):
         return super().step(signals, dt)
 
     def shift_pitch(self, change: float) -> None:
-        """Move the present command, as of `DisconController.shift_pitch`, no lower than the least pitch."""
+        """Move the current command, as of `DisconController.shift_pitch`, no lower than the least pitch."""
         super().shift_pitch(max(change, min(self.least_pitch - float(self.pitch[0]), 0.0)))
 
     def _torque_law(self, pitch: float) -> float:

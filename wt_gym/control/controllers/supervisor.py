@@ -136,7 +136,7 @@ class Supervisor:
     Attributes
     ----------
     state_index : int
-        Place of the present state in `STATES`.
+        Place of the current state in `STATES`.
     set_point : float
         Present set point of the rotor speed over rated [-].
     load : float
@@ -228,7 +228,7 @@ class Supervisor:
         return 1.0 - share * (1.0 - self.least_speed), 1.0 - share * (1.0 - self.least_power)
 
     def acting_offset(self, asked: float) -> float:
-        """Offset of the set point of the speed [-] within what acts in the present mean wind."""
+        """Offset of the set point of the speed [-] within what acts in the current mean wind."""
         target, _ = self.set_points(self._mean.value)
         return min(max(asked, self.cut_in_speed - target), 1.0 - target)
 
@@ -241,7 +241,7 @@ class Supervisor:
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start in production, or parked where the rotor barely turns and the blades are feathered.
 
-        The mean wind starts at the present one, but no further than the state of the turbine holds. Parked, it is the
+        The mean wind starts at the current one, but no further than the state of the turbine holds. Parked, it is the
         mean since the start until the filter knows more: one reading in turbulence says little.
         """
         pitch = float(np.mean(demand.pitch))
@@ -334,7 +334,7 @@ class Supervisor:
         self._torque = 0.0
 
     def _begin_production(self, signals: Readings, speed: float) -> None:
-        """Hand over to the base controller, which continues from the present pitch and speed, without torque."""
+        """Hand over to the base controller, which continues from the current pitch and speed, without torque."""
         self._enter(_PRODUCTION)
         self.set_point, self.load = min(speed, 1.0), 0.0
         self.base.start(

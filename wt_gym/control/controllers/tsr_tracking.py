@@ -128,7 +128,7 @@ class WindEstimator:
         )
 
     def start(self, signals: Readings) -> float:
-        """Start from the wind in which the present torque holds the present speed; return it [m/s]."""
+        """Start from the wind in which the current torque holds the current speed; return it [m/s]."""
         speed, pitch = self._speed_of(signals), self._pitch(signals)
         self._speed = speed
         if speed < self.lowest_speed:
@@ -512,7 +512,7 @@ class TsrTrackingController:
         return Demand(np.full(b.n_blades, self._pitch), 0.0, self._torque)
 
     def shift_pitch(self, change: float) -> None:
-        """Move the present demand and its integral, and with them the next one, by so much [rad], within the limits."""
+        """Move the current demand and its integral, and with them the next one, by so much [rad], within the limits."""
         b, before = self.parameters.baseline, self._pitch
         least = min(before, self._least_pitch())  # what is below the schedule rises to it at the limit of the rate
         self._pitch = min(max(before + change, least), b.max_pitch)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -80,14 +82,22 @@ class Entry:
     high: float = math.inf
 
 
-def _fade(group: str, what: str) -> tuple[Entry, ...]:
-    """Parameters of a fade below rated wind, in a group of their own."""
-    fades = f"{group}_fade"
-    return (
-        Entry(f"{what}_fade_pitch", "rad", "pitch above fine pitch at which it begins and is full", fades),
-        Entry(f"{what}_fade_speed", "-", "rotor speed over rated at which it begins and is full", fades),
-        Entry(f"{what}_fade_fine_speed", "-", "the same at fine pitch; above any speed: nothing acts there", fades),
-        Entry(f"{what}_fade_time", "s", "time constant of the filter on the pitch", fades, 0.0),
+_BOUNDS = {"pi": math.pi, "-pi": -math.pi, "longest_lidar_delay": LONGEST_LIDAR_DELAY,
+           "least_factor": LEAST_FACTOR, "most_factor": MOST_FACTOR}  # fmt: skip
+"""Limits that the table of parameters has by name."""
+
+
+def _read_parameters(path: Path) -> tuple[Entry, ...]:
+    """Read the table of parameters, where an empty limit is none."""
+
+    def limit(text: str, otherwise: float) -> float:
+        return float(_BOUNDS.get(text, text)) if text else otherwise
+
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))[1:]
+    return tuple(
+        Entry(name, unit, meaning, group, limit(low, -math.inf), limit(high, math.inf))
+        for name, unit, meaning, group, low, high in rows
     )
 
 
@@ -95,171 +105,7 @@ def _fade(group: str, what: str) -> tuple[Entry, ...]:
 # along axes of the tower top, which do not yaw with the nacelle (modules/servodyn/src/BladedInterface.f90). In DNV's
 # documentation of Bladed's outputs fore-aft and side-side accelerations of the nacelle are "corrected by the yaw angle"
 # (bladednextgen.dnv.com, page "Nacelle outputs"): along the nacelle.
-PARAMETERS = (
-    Entry("controller_step", "s", "step of the controller"),
-    Entry("gear_ratio", "-", "generator speed over rotor speed"),
-    Entry("rated_rotor_speed", "rad/s", "rated rotor speed"),
-    Entry("fade_fine_pitch", "rad", "pitch from which fades count"),
-    Entry("constant_power", "-", "1: region 3 holds power, 0: torque"),
-    Entry("torque_to_moment", "-", "gear ratio over efficiency"),
-    Entry("rotor_inertia", "kg m²", "of rotor and generator"),
-    Entry("estimator_lowest_speed", "rad/s", "rotor speed below which the estimate is held"),
-    Entry("sensor_bandwidth", "rad/s", "of the observed wind estimate"),
-    Entry("control_step", "s", "step of the agent"),
-    Entry("most_shaft_power", "W", "power up to which residual torque lifts, over gear ratio"),
-    Entry("drive", "-", "1: pitch drives and torque rate limit here, for codes without; 0: demands as they are", "all",
-          0.0, 1.0),
-    Entry("drive_min_pitch", "rad", "least pitch of the drives", "all", -math.pi, math.pi),
-    Entry("drive_max_pitch", "rad", "greatest pitch of the drives", "all", -math.pi, math.pi),
-    Entry("drive_pitch_rate", "rad/s", "greatest pitch rate of the drives", "all", 0.0),
-    Entry("drive_servo_frequency", "rad/s", "of pitch drives that are servos; 0: ideal drives", "all", 0.0),
-    Entry("drive_servo_damping", "-", "damping ratio of these servos", "all", 0.0),
-    Entry("drive_max_torque", "N m", "greatest generator torque", "all", 0.0),
-    Entry("drive_torque_rate", "N m/s", "greatest rate of the generator torque", "all", 0.0),
-    Entry("drive_yaw_rate", "rad/s", "greatest yaw rate", "all", 0.0),
-    Entry("acceleration_axes", "-", "of records 53 and 54; 0: of the tower top, record 37 turns them (OpenFAST), "
-          "1: of the nacelle (Bladed)", "acceleration", 0.0, 1.0),
-    Entry("corner_frequency", "rad/s", "of the low-pass filter on the generator speed", "base", 1e-6),
-    Entry("filter_damping", "-", "damping ratio of that filter; 0: first order", "base", 0.0),
-    Entry("notch_frequency", "rad/s", "of a notch before that filter; 0: none", "base", 0.0),
-    Entry("reference_speed", "rad/s", "generator speed held above rated", "base", 1e-6),
-    Entry("min_pitch", "rad", "least pitch of the controller", "base", -math.pi, math.pi),
-    Entry("max_pitch", "rad", "greatest pitch of the controller", "base", -math.pi, math.pi),
-    Entry("max_pitch_rate", "rad/s", "greatest pitch rate of the controller", "base", 0.0),
-    Entry("rated_power", "W", "mechanical power of the generator", "base", 0.0),
-    Entry("max_torque", "N m", "greatest torque of the controller", "base", 0.0),
-    Entry("max_torque_rate", "N m/s", "greatest torque rate of the controller", "base", 0.0),
-    Entry("proportional_gain", "s", "from generator speed error to pitch, at zero pitch", "gains", 0.0),
-    Entry("integral_gain", "-", "of its integral", "gains", 1e-12),
-    Entry("gain_doubling_pitch", "rad", "pitch at which the gains are halved", "gains", 1e-6),
-    Entry("gain_pitch", "rad", "pitch of the gains below, ascending", "gain_table", -math.pi, math.pi),
-    Entry("proportional_gains", "s", "from generator speed error to pitch", "gain_table"),
-    Entry("integral_gains", "-", "of its integral", "gain_table", 1e-12),
-    Entry("cut_in_speed", "rad/s", "generator speed at which torque begins", "torque_curve", 0.0),
-    Entry("region_2_speed", "rad/s", "generator speed at which region 2 begins", "torque_curve", 0.0),
-    Entry("rated_generator_speed", "rad/s", "generator speed at which region 3 begins", "torque_curve", 0.0),
-    Entry("region_2_gain", "N m s²/rad²", "torque over speed squared in region 2", "torque_curve", 0.0),
-    Entry("slip", "-", "slip of region 2 1/2", "torque_curve", 1e-6),
-    Entry("region_3_min_pitch", "rad", "pitch from which on region 3 holds", "torque_curve", -math.pi, math.pi),
-    Entry("speed_per_wind", "rad/m", "generator speed to be tracked per wind speed", "tracking", 0.0),
-    Entry("min_generator_speed", "rad/s", "least generator speed to be tracked", "tracking", 0.0),
-    Entry("torque_gain", "N m s", "from generator speed error to torque", "tracking", 0.0),
-    Entry("torque_integral_gain", "N m", "of its integral", "tracking", 0.0),
-    Entry("estimator_bandwidth", "rad/s", "of the wind estimate", "tracking", 0.0),
-    Entry("wind_time_constant", "s", "of the filter on the estimated wind", "tracking", 0.0),
-    Entry("smoothing_time_constant", "s", "of the filter on the shift of the set points", "tracking", 0.0),
-    Entry("pitch_to_speed", "-", "shift of the torque's set point for pitch over its range", "tracking", 0.0),
-    Entry("torque_to_speed", "-", "shift of the pitch's set point for torque missing to rated", "tracking", 0.0),
-    Entry("constant_power_pitch", "rad", "pitch above the least one at which power is held in full", "tracking", 0.0),
-    Entry("generator_share", "-", "share of the generator's speed in that of the wind estimate", "tracking", 0.0, 1.0),
-    Entry("schedule_wind", "m/s", "wind of the least pitch below, ascending", "tracking"),
-    Entry("schedule_pitch", "rad", "least pitch over the wind", "tracking", -math.pi, math.pi),
-    Entry("exclusion_low", "rad/s", "lower end of the generator speeds that are crossed quickly", "exclusion", 1e-6),
-    Entry("exclusion_high", "rad/s", "upper end", "exclusion", 1e-6),
-    Entry("exclusion_rate", "rad/s²", "rate at which the set point crosses", "exclusion", 1e-9),
-    Entry("exclusion_above", "-", "1: nothing waits at the lower end, below the least speed", "exclusion", 0.0, 1.0),
-    Entry("supervisor_cut_in", "m/s", "supervisory control: mean wind at which the turbine starts", "supervisor", 0.0),
-    Entry("supervisor_restart", "m/s", "mean wind up to which it starts", "supervisor", 0.0),
-    Entry("supervisor_derate_from", "m/s", "mean wind from which on the set points fall", "supervisor", 0.0),
-    Entry("supervisor_cut_out", "m/s", "mean wind at which it stops", "supervisor", 0.0),
-    Entry("supervisor_least_speed", "-", "set point of the rotor speed at cut_out, over rated", "supervisor", 0.3, 1.0),
-    Entry("supervisor_least_power", "-", "set point of the power there", "supervisor", 1e-6, 1.0),
-    Entry("supervisor_averaging", "s", "time over which the wind is averaged", "supervisor", 1e-6),
-    Entry("supervisor_restart_delay", "s", "time that the turbine stands at least", "supervisor", 0.0),
-    Entry("supervisor_run_up", "s", "time of a start-up to rated speed; a third of it loads the generator",
-          "supervisor", 1.0),
-    Entry("supervisor_gust", "m/s", "wind over 3 s at which it stops at once", "supervisor", 0.0),
-    Entry("supervisor_overspeed", "-", "rotor speed over rated at which it stops at once", "supervisor", 1.0),
-    Entry("supervisor_stop_rate", "rad/s", "pitch rate of a shut-down", "supervisor", 1e-6),
-    Entry("supervisor_start_rate", "rad/s", "pitch rate of a start-up", "supervisor", 1e-6),
-    Entry("supervisor_feather", "rad", "pitch of a turbine that stands", "supervisor", 0.0, math.pi),
-    Entry("supervisor_fine_pitch", "rad", "least pitch of a start-up", "supervisor", -math.pi, math.pi),
-    Entry("supervisor_cut_in_speed", "-", "rotor speed over rated at which the generator takes torque", "supervisor",
-          1e-6, 1.0),
-    Entry("supervisor_radius", "m", "70 % of the rotor's"),
-    Entry("supervisor_rated_speed", "rad/s", "of the rotor"),
-    Entry("supervisor_to_generator", "rad/s", "rated generator speed"),
-    Entry("supervisor_rated_torque", "N m", "of the generator"),
-    Entry("supervisor_proportional_gain", "s", "start-up: from generator speed to pitch, at zero pitch",
-          "supervisor_gains", 0.0),
-    Entry("supervisor_integral_gain", "-", "of its integral", "supervisor_gains", 0.0),
-    Entry("supervisor_gain_doubling_pitch", "rad", "pitch at which these are halved", "supervisor_gains", 1e-6),
-    Entry("supervisor_gain_pitch", "rad", "start-up: pitch of the gains below, ascending", "supervisor_gain_table",
-          -math.pi, math.pi),
-    Entry("supervisor_proportional_gains", "s", "from generator speed to pitch", "supervisor_gain_table"),
-    Entry("supervisor_integral_gains", "-", "of its integral", "supervisor_gain_table", 0.0),
-    Entry("generator_efficiency", "-", "electrical power over that on the shaft of the generator", "power", 1e-6, 1.0),
-    Entry("power_level", "-", "share of rated power that is followed without a demanded one", "power", 0.0, 1.0),
-    Entry("power_shares", "-", "shares of the power of the least pitch below, ascending", "power_pitch"),
-    Entry("power_pitch", "rad", "least pitch over the share", "power_pitch", -math.pi, math.pi),
-    Entry("store_lowest_speed", "-", "generator speed over reference at which the store is shut", "power_store", 0.0),
-    Entry("store_band", "-", "by how much faster it is open", "power_store", 1e-6),
-    Entry("store_raised", "-", "rise of the reference speed", "power_store", 0.0),
-    Entry("headroom_factor", "W s³/m³", "available power over cubed wind"),
-    Entry("headroom_most", "W", "most available power"),
-    Entry("ipc_integral_gain", "rad/(N m s)", "individual pitch, by harmonic: from moment to pitch rate", "ipc", 0.0),
-    Entry("ipc_proportional_gain", "rad/(N m)", "from moment to pitch", "ipc", 0.0),
-    Entry("ipc_level", "N m", "moment up to which nothing is done", "ipc", 0.0),
-    Entry("ipc_leak", "1/s", "rate of the return within that band", "ipc", 0.0),
-    Entry("ipc_limit", "rad", "greatest amplitude", "ipc", 0.0, math.pi),
-    Entry("ipc_rate_limit", "rad/s", "greatest rate of the amplitude", "ipc", 0.0),
-    Entry("ipc_lead", "s", "time by which the azimuth leads", "ipc", 0.0),
-    *_fade("ipc", "ipc"),
-    Entry("linear_gain", "-", "linear optimal pitch: factor on all offsets", "linear", 0.0, 2.0),
-    Entry("linear_limit", "rad", "largest mean offset, and largest amplitude of tilt and yaw", "linear", 0.0, math.pi),
-    Entry("linear_rate_limit", "rad/s", "largest rate of the mean, and of tilt and yaw together", "linear", 0.0),
-    Entry("linear_lead", "s", "time by which the azimuth leads", "linear", 0.0),
-    Entry("linear_schedule_time", "s", "time constant of the pitch that chooses between designs", "linear", 0.0),
-    *_fade("linear", "linear"),
-    Entry("lidar_speed_factor", "-", "lidar: speeds in the records are taken times this; 1 for speeds along the axis, "
-          "one over the cosine of the cone's half angle for speeds along the beams", "lidar", 0.1, 10.0),
-    Entry("lidar_gain", "-", "factor on the pitch that follows the wind ahead; 0: none", "feedforward", 0.0, 2.0),
-    Entry("lidar_delay", "s", "delay of that pitch against the filtered wind at the tower", "feedforward", 0.0,
-          LONGEST_LIDAR_DELAY),
-    Entry("lidar_wavenumber", "rad/m", "of the filter on the wind ahead"),
-    *_fade("lidar", "lidar"),
-    Entry("fore_aft_gain", "rad s/m", "fore-aft damper: from velocity to pitch", "fore_aft", 0.0),
-    Entry("fore_aft_corner", "rad/s", "of the high-pass filter", "fore_aft", 1e-6),
-    Entry("fore_aft_limit", "rad", "greatest pitch added", "fore_aft", 0.0, math.pi),
-    Entry("fore_aft_min_pitch", "rad", "pitch below which it takes no blade", "fore_aft", -math.pi, math.pi),
-    *_fade("fore_aft", "fore_aft"),
-    Entry("side_side_gain", "N m s/m", "side-side damper: from velocity to torque", "side_side"),
-    Entry("side_side_corner", "rad/s", "of the high-pass filter", "side_side", 1e-6),
-    Entry("side_side_limit", "N m", "greatest torque added", "side_side", 0.0),
-    Entry("yaw_rate", "rad/s", "yaw drive: its rate", "yaw", 0.0),
-    Entry("yaw_dead_band", "rad", "filtered yaw error at which it starts", "yaw", 0.0, math.pi),
-    Entry("yaw_stop", "rad", "yaw error at which it stops", "yaw", 0.0, math.pi),
-    Entry("yaw_slow_time", "s", "time constant at rest", "yaw", 0.0),
-    Entry("yaw_fast_time", "s", "time constant while turning", "yaw", 0.0),
-    Entry("guard_speed_tolerance", "rad/s", "fault supervisor: difference of a rotor speed from the middle of three "
-          "from which on it is replaced", "guard", 0.0),
-    Entry("guard_moment_jump", "N m", "change of a flapwise moment in a step that is a fault", "guard", 0.0),
-    Entry("guard_frozen_time", "s", "time of equal readings after which a moment or the vane is dead", "guard", 0.0),
-    Entry("guard_vane_jump", "rad", "change of the yaw error in a step that is a fault", "guard", 0.0),
-    Entry("guard_pitch_tolerance", "rad", "difference of a pitch from its drive's model that is a fault", "guard", 0.0),
-    Entry("guard_pitch_time", "s", "time for which it must last", "guard", 0.0),
-    Entry("guard_stop_deviation", "rad", "difference at which a failing drive stops the turbine", "guard_stop", 0.0),
-    Entry("guard_fade_time", "s", "time in which individual pitch fades out", "guard", 1e-6),
-    Entry("guard_efficiency", "-", "electrical power over that on the shaft of the generator", "guard", 1e-6, 1.0),
-    Entry("guard_least_torque", "N m", "torque from which on power over torque is a speed", "guard", 0.0),
-    Entry("agent", "-", "1: the agent acts; 0: the controller alone", "agent", 0.0, 1.0),
-    Entry("dial", "-", "factors on the weights of fatigue, power and travel for the agent; their ratios count",
-          "dial", LEAST_FACTOR, MOST_FACTOR),
-    Entry("offset_pitch_limit", "rad", "greatest residual pitch, by coordinate", "agent", 0.0, math.pi),
-    Entry("offset_pitch_rate", "rad/s", "greatest rate of residual pitch", "agent", 1e-9),
-    Entry("offset_torque_limit", "N m", "greatest residual torque", "agent", 0.0),
-    Entry("offset_torque_rate", "N m/s", "greatest rate of residual torque", "agent", 1e-9),
-    Entry("offset_yaw_rate", "rad/s", "greatest residual yaw rate", "agent", 0.0),
-    Entry("offset_set_point_limit", "-", "greatest residual set point of the rotor speed, over rated",
-          "agent_set_point", 0.0, 1.0),
-    Entry("offset_set_point_rate", "1/s", "greatest rate of the residual set point", "agent_set_point", 1e-9),
-    Entry("offset_lead", "s", "time by which the azimuth leads", "agent", 0.0),
-    Entry("offset_washout", "s", "time constant of the washout of mean residual pitch; 0: none", "agent", 0.0),
-    Entry("sensor_washout", "s", "time constant of the high-pass filter on observed loads; 0: none", "agent", 0.0),
-    Entry("anemometer_time", "s", "time constant of the observed wind speed", "agent", 0.0),
-    Entry("vane_time", "s", "time constant of the observed yaw error", "agent", 0.0),
-    *_fade("agent", "offset"),
-)  # fmt: skip
+PARAMETERS = _read_parameters(Path(__file__).with_name("parameters.csv"))
 """Every parameter; those of groups that a controller does not have are left out of its file."""
 
 

@@ -415,7 +415,7 @@ class Translation:
         self.frames.append((position, rotation))
 
     def _new_drive(self, name: str, number: int) -> int:
-        """A drive that follows a servo of the system, or keeps its present angle."""
+        """A drive that follows a servo of the system, or keeps its current angle."""
         angle = self._servo(number)
         self.observed.drives.append(Drive(name, self._motions.get(name, lambda time: (angle, 0.0, 0.0))))
         self.servos.append(number)

@@ -36,7 +36,25 @@ def energies(y, tree, work):
         kinetic += 0.5 * tree.dof_inertia[i] * yd[i] * yd[i]
         if tree.dof_stiffness[i] != 0.0:
             elastic += 0.5 * tree.dof_stiffness[i] * y[tree.dof_q[i]] ** 2
+    if tree.added_body >= 0:
+        kinetic += water_energy(tree.added_body, yd, tree, work)
     return kinetic, elastic, potential
+
+
+@kernel
+def water_energy(b, yd, tree, work):
+    """Kinetic energy ½ νᵀ A ν [J] of the water that moves with body b, see `tree_kernels.water_inertia`."""
+    velocity, spin, energy = work.one, work.two, 0.0
+    for i in range(3):
+        velocity[i], spin[i] = yd[tree.joint_u[b] + i], 0.0
+        for j in range(3):
+            spin[i] += work.rot[b, i, j] * work.omega[b, j]
+    for i in range(3):
+        for j in range(3):
+            energy += 0.5 * velocity[i] * tree.added_mass[i, j] * velocity[j]
+            energy += velocity[i] * tree.added_mass[i, 3 + j] * spin[j]
+            energy += 0.5 * spin[i] * tree.added_mass[3 + i, 3 + j] * spin[j]
+    return energy
 
 
 @kernel(separate=True, distinct=True)

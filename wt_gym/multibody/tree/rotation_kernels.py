@@ -80,3 +80,14 @@ def cross_add(a, b, out):
     out[0] += a[1] * b[2] - a[2] * b[1]
     out[1] += a[2] * b[0] - a[0] * b[2]
     out[2] += a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def cardan_rotation(angles, rot):
+    """Rotation R_z(ψ) R_y(θ) R_x(φ) by roll φ, pitch θ and yaw ψ, ``angles`` (3,) [rad]."""
+    cr, sr = math.cos(angles[0]), math.sin(angles[0])
+    cp, sp = math.cos(angles[1]), math.sin(angles[1])
+    cy, sy = math.cos(angles[2]), math.sin(angles[2])
+    rot[0, 0], rot[0, 1], rot[0, 2] = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+    rot[1, 0], rot[1, 1], rot[1, 2] = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    rot[2, 0], rot[2, 1], rot[2, 2] = -sp, cp * sr, cp * cr

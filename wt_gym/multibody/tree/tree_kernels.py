@@ -18,10 +18,18 @@ Equations that tie bodies as well are in :mod:`wt_gym.multibody.constraints.cons
 :mod:`wt_gym.multibody.tree.rate_kernels`.
 """
 
-from wt_gym.base.compiled import kernel
-from wt_gym.multibody.tree.rotation_kernels import cross_add, quaternion_rotation, rotation_exp, tangent_bias
+import math
 
-FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, SERVO = range(6)
+from wt_gym.base.compiled import kernel
+from wt_gym.multibody.tree.rotation_kernels import (
+    cardan_rotation,
+    cross_add,
+    quaternion_rotation,
+    rotation_exp,
+    tangent_bias,
+)
+
+FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE, SERVO, CARDAN = range(7)
 OK, SINGULAR_MASS, SINGULAR_CONSTRAINTS, DIVERGED, NOT_CONVERGED = range(5)
 
 
@@ -167,7 +175,7 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
     axis = tree.axis[b]
     wn, nb_lin, nb_ang, nv = work.joint_omega, work.joint_bias_lin, work.joint_bias_ang, work.joint_v
     rate, accel = 0.0, 0.0
-    if kind == PRISMATIC or kind == FREE:
+    if kind == PRISMATIC or kind == FREE or kind == CARDAN:
         slide_joint(b, p, kind, n_in, y, yd, tree, work)
         n_in += 1 if kind == PRISMATIC else 3
     if kind == REVOLUTE or kind == SERVO:
@@ -184,6 +192,8 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
         quaternion_rotation(y[q0 : q0 + 4], work.turn_rot)
     elif kind == FREE:
         quaternion_rotation(y[q0 + 3 : q0 + 7], work.turn_rot)
+    elif kind == CARDAN:
+        cardan_rotation(y[q0 + 3 : q0 + 6], work.turn_rot)
     if kind == FIXED or kind == PRISMATIC:
         for i in range(3):
             for j in range(3):
@@ -239,11 +249,37 @@ def joint_motion(b, p, kind, n_in, y, yd, tree, work):
             for j in range(3):
                 work.va[b, j, n_in + i] = 1.0 if i == j else 0.0
                 work.vl[b, j, n_in + i] = 0.0
+    elif kind == CARDAN:
+        cardan_motion(b, n_in, y[q0 + 3 : q0 + 6], yd[u0 + 3 : u0 + 6], work)
+
+
+@kernel
+def cardan_motion(b, n_in, angles, rates, work):
+    """Add a rotation by roll φ, pitch θ and yaw ψ, R = R_z(ψ) R_y(θ) R_x(φ), to the motion of body b.
+
+    In body axes ω = T (φ̇, θ̇, ψ̇) with the columns (1, 0, 0), (0, cos φ, −sin φ) and (−sin θ, sin φ cos θ,
+    cos φ cos θ) of T (Diebel, Representing Attitude, Stanford 2006, section 5); the bias of ω̇ is Ṫ (φ̇, θ̇, ψ̇).
+    """
+    cr, sr, cp, sp = math.cos(angles[0]), math.sin(angles[0]), math.cos(angles[1]), math.sin(angles[1])
+    roll, pitch, yaw = rates[0], rates[1], rates[2]
+    turn, columns = work.turn, work.va[b]
+    turn[0], turn[1], turn[2] = roll - sp * yaw, cr * pitch + sr * cp * yaw, cr * cp * yaw - sr * pitch
+    cross_add(work.omega[b], turn, work.bias_ang[b])
+    work.bias_ang[b, 0] -= cp * pitch * yaw
+    work.bias_ang[b, 1] += cr * cp * roll * yaw - sr * roll * pitch - sr * sp * pitch * yaw
+    work.bias_ang[b, 2] -= sr * cp * roll * yaw + cr * roll * pitch + cr * sp * pitch * yaw
+    columns[0, n_in], columns[0, n_in + 1], columns[0, n_in + 2] = 1.0, 0.0, -sp
+    columns[1, n_in], columns[1, n_in + 1], columns[1, n_in + 2] = 0.0, cr, sr * cp
+    columns[2, n_in], columns[2, n_in + 1], columns[2, n_in + 2] = 0.0, -sr, cr * cp
+    for i in range(3):
+        work.omega[b, i] += turn[i]
+        for k in range(3):
+            work.vl[b, i, n_in + k] = 0.0
 
 
 @kernel(inline="always")
 def slide_joint(b, p, kind, n_in, y, yd, tree, work):
-    """Translation of a prismatic or free joint, along axes fixed in the joint frame (parent components).
+    """Translation of a prismatic, free or Cardan joint, along axes fixed in the joint frame (parent components).
 
     wn, nb_*, nv are those of the joint frame; its orientation does not change by sliding, so a translation d adds
     ω × d etc. and the columns d/du.
@@ -478,3 +514,33 @@ def assemble(y, loads, tree, work):
                     mass[j, i] += value
             for j in range(k + 1):
                 mass[u0 + k, u0 + j] += work.elastic_mass[b, k, j]
+    if tree.added_body >= 0:
+        water_inertia(tree.added_body, tree, work)
+
+
+@kernel(separate=True)
+def water_inertia(b, tree, work):
+    """Inertia of the water that moves with body b, into the mass matrix and the right-hand side of `assemble`.
+
+    The added mass A (6, 6) is constant along global axes at the origin of the body, as in the linear theory of floating
+    bodies (Cummins 1962; Jonkman, NREL/TP-500-41958, eq. 2-13): with ν = (v, ω) = J u it has the kinetic energy
+    ½ νᵀ A ν and the force −A ν̇ and no weight. The body is on a Cardan joint to the ground: the first three of its
+    velocities are v, and ω = W u with W = R Va.
+    """
+    turn, bias, added, u, n = work.turn_rot, work.turn, tree.added_mass, tree.joint_u[b], 3
+    rot, va = work.rot[b], work.va[b]
+    for i in range(n):
+        bias[i] = 0.0
+        for k in range(n):
+            bias[i] += rot[i, k] * work.bias_ang[b, k]
+            turn[i, k] = rot[i, 0] * va[0, n + k] + rot[i, 1] * va[1, n + k] + rot[i, 2] * va[2, n + k]
+    for i in range(n):
+        for k in range(n):
+            work.force[u + i] -= added[i, n + k] * bias[k]
+            if k <= i:
+                work.mass[u + i, u + k] += added[i, k]
+            for m in range(n):
+                work.mass[u + n + k, u + i] += turn[m, k] * added[n + m, i]
+                work.force[u + n + i] -= turn[m, i] * added[n + m, n + k] * bias[k]
+                for l in range(k + 1):
+                    work.mass[u + n + k, u + n + l] += turn[m, k] * added[n + m, n + i] * turn[i, l]

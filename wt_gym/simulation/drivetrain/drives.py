@@ -423,7 +423,7 @@ class Drives:
         faults : iterable of Fault
             Later ones act upon what earlier ones have left.
         clock : callable
-            Gives the time at the start of the present step [s].
+            Gives the time at the start of the current step [s].
 
         Raises
         ------

@@ -291,9 +291,9 @@ class VoltageDip(DriveFault):
 
 
 @cache
-def _places(names: tuple[str, ...], n_blades: int) -> tuple[int, ...]:
+def _places(names: tuple[str, ...], n_blades: int, n_lines: int | None) -> tuple[int, ...]:
     """See `SensorBias.places`: sensors are read in every step of the simulator."""
-    index = {channel.name: k for k, channel in enumerate(channel_table(n_blades))}
+    index = {channel.name: k for k, channel in enumerate(channel_table(n_blades, n_lines))}
     unknown = [name for name in names if name not in index or name == "time"]
     if unknown:
         known = list(index)[1:]
@@ -329,15 +329,15 @@ class SensorBias:
         if isinstance(cast(object, self.channels), str) or not self.channels:
             raise ActionError(f"channels of a sensor must be a tuple of names, got {self.channels!r}")
 
-    def places(self, n_blades: int) -> list[int]:
+    def places(self, n_blades: int, n_lines: int | None = None) -> list[int]:
         """Where the channels stand in the signals of a turbine; an `ActionError` if there is no such channel."""
-        return list(_places(tuple(self.channels), n_blades))
+        return list(_places(tuple(self.channels), n_blades, n_lines))
 
     def read(self, signals: Signals) -> Signals:
         """Give the signals as the sensors do; the given ones stay as they are."""
         if signals["time"] < self.time - _ROUNDING:
             return signals
-        values, places = signals.values.copy(), self.places(signals.n_blades)
+        values, places = signals.values.copy(), self.places(signals.n_blades, signals.n_lines)
         values[places] = self.factor * values[places] + self.offset
         for name, place in zip(self.channels, places, strict=True):
             if name == "yaw_error":

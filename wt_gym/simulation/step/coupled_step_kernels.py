@@ -11,6 +11,7 @@ the kernel for this value alone, beside the one that Python calls.
 from wt_gym.aerodynamics.lattice.section_kernels import DISAGREEMENT
 from wt_gym.aerodynamics.step_kernels import accept, convect_wake, prepare, settle, solve
 from wt_gym.base.compiled import kernel
+from wt_gym.hydrodynamics.loads_kernels import accept_step
 from wt_gym.multibody.tree.tree_kernels import OK
 from wt_gym.simulation.step.coupling_kernels import rotor_loads, tower_drag
 from wt_gym.simulation.step.energy_kernels import check_energy
@@ -23,9 +24,10 @@ from wt_gym.simulation.step.structure_motion_kernels import (
     restore_motion,
     save_motion,
 )
+from wt_gym.simulation.step.water_kernels import fill_platform, floater_loads
 
 # Beyond the codes of the multibody kernels
-OVERSPEED, DEFLECTION, UNSETTLED = 101, 102, 103
+OVERSPEED, DEFLECTION, UNSETTLED, LINE_FAILS = 101, 102, 103, 106
 MOST_PASSES = 20  # of loads and structure, where they do not come to agree
 SECANT_MEMORY = 0.9  # a step: what the share of the loads' change keeps of the steps before
 LEAST_SHARE, LARGEST_SHARE = 0.05, 1.5
@@ -108,6 +110,9 @@ def correct_step(air, structure, x, scheme, blade_wind):
               bool(False))  # fmt: skip
         change = rotor_loads(forces, motion.work.rot, x.elastic, x.points, x.lattice_bodies, x.sub_bodies, loads)
         tower_drag(motion.state, motion.tree, motion.work, x.tower, loads[x.tower.body])
+        code = water_loads(x.water, motion.work, loads)
+        if code != OK:
+            return code
         if iteration > 0:  # the prediction was not corrected yet: one pass at least
             share = secant_share(loads, x.passes, share, x.relaxation)
             if change <= scheme.tolerance:
@@ -142,15 +147,43 @@ def end_step(structure, x, scheme, gauges, monitor, forces, blade_wind):
     if code != OK:
         return code
     motion = structure.motion
+    accept_water(x.water)
     watch_steps(motion, scheme.n_sub, gauges, monitor)
     shape = (x.nodes.shape[0], x.nodes.shape[1] * x.nodes.shape[2], 3)
     fill_channels(motion.state, x.nodes.reshape(shape), forces.reshape(shape), motion.tree, motion.work, gauges)
+    fill_water(x.water, motion, gauges.values)
     copy_loads(motion.inputs.body_loads[0], x.previous_loads)
     code = check_range(motion.state, x, monitor, x.sub_bodies, gauges)
     if code == OK:
         code = check_energy(motion, x.energy, gauges.wrench, blade_wind, scheme.dt)
     pass_on(motion.inputs)
     return code
+
+
+# ---- water ---------------------------------------------------------------------------------------------------------
+# By the type of the first argument the compiler drops what does not apply on the ground.
+
+
+@kernel
+def water_loads(water, work, loads):
+    """Loads of the floater at the end of a step among those of all bodies (n_b, 6 + n_f); a code."""
+    if water is not None:
+        return OK if floater_loads(work, water, loads[water.body]) == OK else LINE_FAILS
+    return OK
+
+
+@kernel
+def accept_water(water):
+    """Let the motion of the last pass count for the memory of the water."""
+    if water is not None:
+        accept_step(water.platform)
+
+
+@kernel
+def fill_water(water, motion, values):
+    """Channels of the platform; the kinematics and rates belong to the newest state."""
+    if water is not None:
+        fill_platform(motion.state, motion.rate, motion.tree, motion.work, water, values)
 
 
 # ---- loads ---------------------------------------------------------------------------------------------------------

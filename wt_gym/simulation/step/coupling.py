@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from types import FunctionType
 from typing import Any, cast
@@ -32,13 +33,23 @@ from wt_gym.aerodynamics.bodies.body_set import BodySurface, convective_force, i
 from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.base.compiled import compiled_for, is_compiled, was_compiled
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.quantities import Array, Integers
+from wt_gym.base.quantities import GRAVITY, Array, Integers
+from wt_gym.hydrodynamics.loads import PlatformLoads, WaveResponse
+from wt_gym.hydrodynamics.loads_kernels import water_motion
+from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.multibody.arrays import Points, Work, failure_of_a_step
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.multibody.tree.point_kernels import point_motion
+from wt_gym.multibody.tree.rotation_kernels import cardan_rotation
 from wt_gym.simulation.deformed_basis import DeformedBasis
 from wt_gym.simulation.models import NACELLE, TurbineModels, place_nacelle
-from wt_gym.simulation.step import coupled_step_kernels, energy_kernels, monitor_kernels, structure_motion_kernels
+from wt_gym.simulation.step import (
+    coupled_step_kernels,
+    energy_kernels,
+    monitor_kernels,
+    structure_motion_kernels,
+    water_kernels,
+)
 from wt_gym.simulation.step.coupled_step_kernels import coupled_step, end_step, predict_step
 from wt_gym.simulation.step.coupling_data import Air, CouplingData, Extremes, Gauges, MeasuredState, Monitor, Scheme
 from wt_gym.simulation.step.structure_motion import ObserverMotion, Structure, StructureMotion, TreeMotion
@@ -73,9 +84,11 @@ class StepWind:
         self._hub_wind, self._dt = hub_wind, models.time_step
         self.blades = np.zeros(models.lattice.nodes_shape)
         self.earlier_velocities = np.zeros(models.lattice.nodes_shape)
-        # the nodes of the lattice, the points of the tower, which stay, and the hub
+        # the nodes of the lattice, the points of the tower, which stay on the ground, and the hub
         nodes, tower = exchange.nodes.reshape(-1, 3), exchange.tower.position
         self._points = np.concatenate([nodes, tower, np.zeros((1, 3))])
+        self._moving_tower = tower if models.structure.floater is not None else None
+        self._tower_points = self._points[len(nodes) : -1]
         self._undisturbed = np.zeros_like(self._points)
         self._asked_points = read_only(self._points)
         row_points = models.lattice.work.row_points
@@ -87,6 +100,8 @@ class StepWind:
         """Wind at the lattice nodes where they are now, and at hub, bodies and tower; see `of_step`."""
         nodes = self._exchange.nodes.reshape(-1, 3)
         self._points[: len(nodes)] = nodes
+        if self._moving_tower is not None:
+            self._tower_points[:] = self._moving_tower
         self._points[-1] = self._work.r[self._models.structure.hub]
         fill_velocity(inflow, self._asked_points, time, self._undisturbed)
         self._check(felt_wind(*self._felt()), inflow, time)
@@ -116,6 +131,8 @@ class StepWind:
         """
         ask, asked, receive, felt = self._calls
         count = ask(*asked)
+        if self._moving_tower is not None:
+            self._tower_points[:] = self._moving_tower
         n, end = count * self._row_size, time + self._dt
         fill_velocity(inflow, self._row_points[:n], time, self._row_wind[:n])
         fill_velocity(inflow, self._asked_points, end, self._undisturbed)
@@ -144,9 +161,10 @@ class StepWind:
         models, tower = self._models, self._models.tower_flow
         shadow = models.fidelity.tower_shadow and models.fidelity.tower_body is None
         top = self._work.r[models.structure.nacelle]
+        base = tower.base if self._moving_tower is None else self._work.r[models.structure.tower]
         return (
             self._undisturbed, self._points, shadow, self._aero.arrays, self._work, models.structure.hub, np.zeros(3),
-            tower.base, top, tower.stations, tower.radii, self.blades.reshape(-1, 3), self._exchange.tower.wind,
+            base, top, tower.stations, tower.radii, self.blades.reshape(-1, 3), self._exchange.tower.wind,
             self._hub_wind,
         )  # fmt: skip
 
@@ -330,6 +348,8 @@ class Coupling:
         Of the blades, where it follows their deformation.
     moving : MovingBodies or None
         Closed bodies that follow the structure.
+    platform : PlatformLoads or None
+        Water and moorings of a floating turbine.
     """
 
     def __init__(self, models: TurbineModels) -> None:
@@ -338,7 +358,11 @@ class Coupling:
         self.motion: StructureMotion = FORMS[fidelity.formulation](models)
         self.integrator = i = self.motion.integrator
         self.aero = models.lattice.new_state()
-        self.exchange = CouplingData.of(models, i.inputs.body_loads)
+        floater = models.turbine.floater
+        self.platform = None if floater is None else PlatformLoads(replace(floater, gravity=GRAVITY), models.time_step)
+        water = None if self.platform is None else self.platform.arrays
+        self.exchange = CouplingData.of(models, i.inputs.body_loads, water)
+        self._tower_at_rest = self.exchange.tower.position.copy()
         self.gauges = Gauges.of(models.turbine, models.structure)
         self._monitor = Monitor.of(models.structure, i.inputs.body_loads, models.turbine.n_blades)
         self.extremes: Extremes = self._monitor.extremes
@@ -377,7 +401,7 @@ class Coupling:
 
     @cached_property
     def instant(self) -> MeasuredState:
-        """What can be measured now: views of the present state, whenever they are read."""
+        """What can be measured now: views of the current state, whenever they are read."""
         i = self.integrator
         return MeasuredState(i.state, i.state_rate, i.inputs.body_loads[1], i.work, self.blade_nodes, self.blade_forces)
 
@@ -406,7 +430,65 @@ class Coupling:
             arrays |= {"blade_basis": self.basis.basis, "blade_frequency": self.basis.frequency}
         if self.moving is not None:
             arrays |= self.moving.state() | {"tower_given": self.exchange.tower.given}
+        if self.platform is not None:
+            arrays |= {f"platform_{k}": a for k, a in self.platform.state().items()}
+            arrays |= {"tower_position": self.exchange.tower.position}
         return arrays
+
+    def set_sea(self, waves: WaveComponents | None) -> None:
+        """Let a floating turbine meet these waves from the next start on; None: still water."""
+        assert self.platform is not None
+        self.platform.set_sea(waves)
+        water = self.exchange.water
+        assert water is not None
+        self.exchange = self.exchange._replace(water=water._replace(platform=self.platform.arrays))
+        self._bundles = None
+
+    def float_at_rest(self, y: Array) -> None:
+        """Loads of water and lines on a floater at rest in the state y, into the inputs; waves are left out."""
+        assert self.platform is not None
+        s, system = self.models.structure, self.models.structure.system
+        assert s.floater is not None
+        rotation, q = np.zeros((3, 3)), system.index(s.floater, "joint_q")
+        cardan_rotation(y[q + 3 : q + 6], rotation)
+        force = self.platform.static_force(y[q : q + 3].copy(), rotation)
+        self.integrator.inputs.body_loads[:, s.floater, :3] = force[:3] @ rotation
+        self.integrator.inputs.body_loads[:, s.floater, 3:6] = force[3:] @ rotation
+
+    @cached_property
+    def wave_response(self) -> WaveResponse | None:
+        """Harmonic answer of a floater to its sea."""
+        return None if self.platform is None else WaveResponse(self.platform)
+
+    def begin_to_float(self, y: Array, radiation: Array | None = None) -> None:
+        """Water and lines about a floater in the state y at time zero, and their loads; radiation: memory of the water.
+
+        Raises
+        ------
+        SimulationError
+            When a line has no equilibrium.
+        """
+        water = self.exchange.water
+        if self.platform is None or water is None:
+            return
+        self.move_lattice(y)
+        work, b, loads = self.integrator.work, water.body, self.integrator.inputs.body_loads
+        water_kernels.floater_motion(work, water)
+        self.platform.restart(work.r[b], work.rot[b], water.velocity, water.spin, radiation)
+        self.meet_waves(0.0)
+        if water_kernels.floater_loads(work, water, loads[0, b]) != tree_kernels.OK:
+            raise SimulationError("a mooring line has no equilibrium at the start")
+        loads[1, b] = loads[0, b]
+
+    def meet_waves(self, time: float) -> None:
+        """Let the waves that a floater meets be those of a time [s]."""
+        assert self.platform is not None
+        self._water_motion(self.platform.arrays, time)
+
+    @cached_property
+    def _water_motion(self) -> Callable[..., None]:
+        assert self.platform is not None
+        return cast(Callable[..., None], compiled_for(water_motion, (self.platform.arrays, 0.0)))
 
     def restart(self) -> None:
         """Forget what runs before have left beyond the arrays that `begin` sets."""
@@ -415,9 +497,13 @@ class Coupling:
         if self.moving is not None:
             self.moving.restart()
             self.exchange.tower.given[:] = 0.0
+        if self.platform is not None:
+            self.platform.arrays.line_unknown[:] = 0.0
+            self.exchange.tower.position[:] = self._tower_at_rest
 
-    def begin(self, y: Array) -> None:
-        """Start to move from the state y (n_state,), under the loads that the inputs hold."""
+    def begin(self, y: Array, radiation: Array | None = None) -> None:
+        """Start to move from the state y (n_state,), under the loads that the inputs hold; radiation: of a floater."""
+        self.begin_to_float(y, radiation)
         self.exchange.previous_loads[:] = self.integrator.inputs.body_loads[0]
         self.exchange.relaxation[:] = 1.0, 0.0, 0.0
         self.exchange.energy.begin()
@@ -483,6 +569,8 @@ class Coupling:
         blade_wind = self.wind.of_step(inflow, time)
         if self._bundles is None or bodies:  # the arrays of bodies are others now and then
             self._bundles = self.bundle()
+        if self.platform is not None:
+            self.meet_waves(time + self._scheme.dt)
         code = self._advance(*self._bundles, blade_wind)
         if code != tree_kernels.OK:
             raise SimulationError(self._failure(code))
@@ -535,6 +623,8 @@ class Coupling:
             return f"tip deflection {largest:.1f} m is beyond the elastic model ({x.max_deflection:.1f} m)"
         if code == coupled_step_kernels.UNSETTLED:
             return f"circulation and polars of the blades disagree by {self.aero.residual:.3g} m/s"
+        if code == coupled_step_kernels.LINE_FAILS:
+            return "a mooring line has no equilibrium: the platform is beyond the reach of its lines"
         if code == energy_kernels.STRUCTURE_GAINS:
             return (
                 f"energy balance violated: the structure gained {x.energy.gained[0] / 1e6:.3g} MJ more than the work "

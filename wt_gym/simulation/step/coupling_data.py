@@ -18,10 +18,11 @@ from wt_gym.aerodynamics.bodies.body_set import BodyArrays, BodyWork
 from wt_gym.aerodynamics.state import AeroArrays, AeroConstants, AeroWork, PlanformArrays
 from wt_gym.base.compiled import compiled_for
 from wt_gym.base.quantities import Array
+from wt_gym.hydrodynamics.loads import PlatformArrays
 from wt_gym.multibody.arrays import Points, Work
-from wt_gym.simulation.channels import new_values
+from wt_gym.simulation.channels import new_values, place_of
 from wt_gym.simulation.models import TurbineModels
-from wt_gym.simulation.step import measurement_kernels
+from wt_gym.simulation.step import measurement_kernels, water_kernels
 from wt_gym.simulation.step.energy_kernels import BETZ
 from wt_gym.simulation.turbine_structure import (
     SubBodyNodes,
@@ -216,6 +217,24 @@ class TowerAir(NamedTuple):
         return cls(structure.tower, points, pressure_width * length, free[0], rest, free[1], free[2], given)
 
 
+class Water(NamedTuple):
+    """The floater in the water."""
+
+    body: int  # of the multibody system
+    platform: PlatformArrays  # its hydrodynamics, with their state
+    at: int  # where its channels stand among the values
+    velocity: np.ndarray  # (3,) scratch: of the floater's origin, global axes [m/s]
+    spin: np.ndarray  # (3,) scratch: its angular velocity, global axes [rad/s]
+    force: np.ndarray  # (6,) scratch: force and moment of the water and the lines, global axes [N, N m]
+
+    @classmethod
+    def of(cls, turbine: Turbine, structure: TurbineStructure, platform: PlatformArrays) -> Water:
+        """The floater of a turbine."""
+        assert structure.floater is not None
+        at = place_of(turbine.n_blades, turbine.n_lines, "platform_surge")
+        return cls(structure.floater, platform, at, np.zeros(3), np.zeros(3), np.zeros(6))
+
+
 class CouplingData(NamedTuple):
     """What passes between structure and air, and the limits of the model."""
 
@@ -236,11 +255,12 @@ class CouplingData(NamedTuple):
     energy: EnergyBalance
     tip: np.ndarray  # (3, n_f) displacement of a tip per elastic coordinate
     tower: TowerAir
+    water: Water | None  # None: the turbine stands on the ground
     max_speed: float  # [rad/s]
     max_deflection: float  # [m]
 
     @classmethod
-    def of(cls, models: TurbineModels, body_loads: Array) -> CouplingData:
+    def of(cls, models: TurbineModels, body_loads: Array, platform: PlatformArrays | None) -> CouplingData:
         """Arrays for a turbine whose bodies bear loads of the shape of ``body_loads`` (2, n_b, 6 + n_f)."""
         structure, shape = models.structure, models.lattice.nodes_shape
         system, points = structure.system, structure.lattice_points
@@ -254,6 +274,7 @@ class CouplingData(NamedTuple):
             previous_loads=np.zeros_like(body_loads[0]), passes=np.zeros_like(body_loads),
             relaxation=np.array([1.0, 0.0, 0.0]), energy=EnergyBalance.of(models),
             tip=np.ascontiguousarray(structure.tip_points.linear[0]), tower=TowerAir.of(models.turbine, structure),
+            water=None if platform is None else Water.of(models.turbine, structure, platform),
             max_speed=MAX_OVERSPEED * models.turbine.drivetrain.rated_rotor_speed,
             max_deflection=MAX_DEFLECTION * models.turbine.blade.length,
         )  # fmt: skip
@@ -298,6 +319,7 @@ class Gauges(NamedTuple):
     tip_rest: np.ndarray  # (3,) the undeformed tip in the axes of the pitched root [m]
     root_rotation: np.ndarray  # (n_blades, 3, 3) orientation of the unpitched blade roots in the hub
     tower_base: np.ndarray  # (3,) [m]
+    tower_moves: bool  # whether it floats
     tower_height: np.ndarray  # (n,) above the base [m]
     tower_radius: np.ndarray  # (n,) [m]
     wrench: np.ndarray  # (n_b, 6) forces and moments in the joints, body axes [N, N m]
@@ -316,7 +338,7 @@ class Gauges(NamedTuple):
     def of(cls, turbine: Turbine, structure: TurbineStructure) -> Gauges:
         """Gauges of a turbine."""
         n, cone = turbine.n_blades, rotation_y(-turbine.hub.cone)
-        values, at = new_values(n)
+        values, at = new_values(n, turbine.n_lines)
         single = [at[name] for name in measurement_kernels.SINGLE]
         return cls(
             hub=structure.hub, nacelle=structure.nacelle, blades=np.array(structure.blades),
@@ -324,6 +346,7 @@ class Gauges(NamedTuple):
             tip_rest=structure.tip_rest,
             root_rotation=np.array([rotation_x(2.0 * np.pi * i / n) @ cone for i in range(n)]),
             tower_base=np.array([0.0, 0.0, turbine.tower.base_height]),
+            tower_moves=structure.floater is not None,
             tower_height=np.ascontiguousarray(structure.tower_points.position[:, 2]),
             tower_radius=structure.tower_radius, wrench=np.zeros((len(structure.system.bodies), 6)),
             tips=np.zeros((n, 3)), tip_velocity=np.zeros((n, 3)), deflection=np.zeros((n, 3)),
@@ -375,8 +398,11 @@ class Measurement:
         self._measure: Callable[..., None] | None = None  # compiled for the types of this turbine
         self._complete: tuple[Callable[..., None], Callable[..., None]] | None = None
 
-    def take(self, time: float, instant: MeasuredState, torque: float, command: Array, inflow: UndisturbedWind) -> None:
-        """Fill ``values`` from a state to which the kinematics belong. Extremes are the present values, travel is none.
+    def take(
+        self, time: float, instant: MeasuredState, torque: float, command: Array, inflow: UndisturbedWind,
+        water: Water | None = None,
+    ) -> None:  # fmt: skip
+        """Fill ``values`` from a state to which the kinematics belong. Extremes are the current values, travel is none.
 
         Parameters
         ----------
@@ -386,6 +412,8 @@ class Measurement:
             Of the generator [N m, high-speed shaft].
         command : array (2 + n_blades,)
             Of the drives: generator torque [N m], yaw and pitch [rad].
+        water : Water, optional
+            Of a floater.
         """
         i = instant
         self.gauges.hub_wind[:] = inflow.velocity(i.work.r[self._structure.hub], time)
@@ -393,6 +421,9 @@ class Measurement:
         if self._measure is None:
             self._measure = compiled_for(measurement_kernels.measure, arguments)
         self._measure(*arguments)
+        if water is not None:
+            floating = i.y, i.dy, self._structure.system.tree, i.work, water, self.values
+            compiled_for(water_kernels.fill_platform, floating)(*floating)
         g = self.gauges
         efficiency = self._present_efficiency(torque)
         measurement_kernels.measure_rest(float(time), float(torque), efficiency, command, self.values, g.at)

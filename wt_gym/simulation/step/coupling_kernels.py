@@ -218,6 +218,7 @@ def read_gauges(y, dy, body_loads, tree, work, g):
                      g.tips[i : i + 1], g.tip_velocity[i : i + 1])  # fmt: skip
         tip_deflection(g.tips[i], work.r[root], work.rot[g.hub], g.root_rotation[i], g.tip_rest,
                        y[n_y + 1 + i], g.deflection[i])  # fmt: skip
-        view_from_tower(g.tips[i], g.tower_base, work.r[g.nacelle], work.rot[g.nacelle, :, 0], g.tower_height,
+        base = work.r[g.indices.tower] if g.tower_moves else g.tower_base
+        view_from_tower(g.tips[i], base, work.r[g.nacelle], work.rot[g.nacelle, :, 0], g.tower_height,
                         g.tower_radius, g.tower_view[i])  # fmt: skip
         g.clearance[i] = signed_clearance(g.tower_view[i])

@@ -65,6 +65,9 @@ def fill_channels(y, nodes, forces, tree, work, g):
     for c in range(3):
         values[at[WIND_X] + c] = g.hub_wind[c]
     error = math.atan2(g.hub_wind[1], g.hub_wind[0]) - yaw
+    if g.tower_moves:
+        base = work.rot[indices.tower]
+        error -= math.atan2(base[1, 0], base[0, 0])
     values[at[YAW_ERROR]] = error - 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
     _tower(work, g, indices, values, at)
     _blades(y, n_y, tree.n_servo, g, values, at)
@@ -110,16 +113,26 @@ def _rotor(y, g, indices, values, at):
 
 @kernel(fastmath=False)
 def _tower(work, g, indices, values, at):
-    """Tower-top motion and tower-base loads: along global axes, and along and across the heading of the nacelle.
+    """Tower-top motion and tower-base loads: along axes of the base, and along and across the heading of the nacelle.
 
-    The heading is the level part of the nacelle's x axis. With the unit vectors f along it and s to its left the
-    displacement d has the components d·f and d·s, and the moment M the components M·s (a push along f bends the tower
-    about s) and M·f.
+    The axes of the base are the global ones on the ground; on a floater they move with it, and displacements are those
+    against it. The heading is the level part of the nacelle's x axis, seen from the base. With the unit vectors f along
+    it and s to its left the displacement d has the components d·f and d·s, and the moment M the components M·s (a push
+    along f bends the tower about s) and M·f.
     """
     base, axis = g.wrench[indices.tower], work.rot[g.nacelle, :, 0]
-    level = 1.0 / math.hypot(axis[0], axis[1])
-    cos, sin = axis[0] * level, axis[1] * level
     x, y, moment_x, moment_y = work.r[g.nacelle, 0], work.r[g.nacelle, 1], -base[3], -base[4]
+    ahead, aside = axis[0], axis[1]
+    if g.tower_moves:
+        x, y, ahead, aside = 0.0, 0.0, 0.0, 0.0
+        foot, turn = work.r[indices.tower], work.rot[indices.tower]
+        for i in range(3):
+            x += turn[i, 0] * (work.r[g.nacelle, i] - foot[i])
+            y += turn[i, 1] * (work.r[g.nacelle, i] - foot[i])
+            ahead += turn[i, 0] * axis[i]
+            aside += turn[i, 1] * axis[i]
+    level = 1.0 / math.hypot(ahead, aside)
+    cos, sin = ahead * level, aside * level
     values[at[TOWER_TOP_X]], values[at[TOWER_TOP_Y]] = x, y
     values[at[TOWER_BASE_X]], values[at[TOWER_BASE_Y]] = moment_x, moment_y
     values[at[TOWER_TOP_FORE_AFT]], values[at[TOWER_TOP_SIDE_SIDE]] = cos * x + sin * y, cos * y - sin * x

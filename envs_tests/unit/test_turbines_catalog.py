@@ -1,4 +1,4 @@
-"""The turbines of the catalogue against published numbers, the physics of their frames, plate and rod theory."""
+"""The turbines of the catalog against published numbers, the physics of their frames, plate and rod theory."""
 
 import copy
 import pickle
@@ -11,8 +11,8 @@ import pytest
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.simulation.turbine_structure import tower_beam
 from wt_gym.structure.modes import clamped_modes
-from wt_gym.turbines import Turbine, catalogue, load_turbine
-from wt_gym.turbines.catalogue import nada_data, plate_polar
+from wt_gym.turbines import Turbine, catalog, load_turbine
+from wt_gym.turbines.catalog import nada_data, plate_polar
 
 
 @pytest.fixture(scope="module")
@@ -25,11 +25,12 @@ def iea() -> Turbine:
     return load_turbine("iea_15mw")
 
 
-def test_catalogue_loads_and_caches():
-    assert catalogue() == (
+def test_catalog_loads_and_caches():
+    assert catalog() == (
         "gebhardt_45m", "iea_15mw", "iea_15mw_monopile", "iea_22mw", "nada_small", "nrel_5mw", "nrel_5mw_monopile",
+        "oc4_nrel_5mw", "volturnus_iea_15mw",
     )  # fmt: skip
-    for name in catalogue():
+    for name in catalog():
         assert load_turbine(name) is load_turbine(name)
 
 
@@ -153,7 +154,7 @@ def test_iea_nacelle_tower_and_drivetrain(iea):
 
 
 @pytest.mark.parametrize("name", ["nrel_10mw", "no/such/file.yaml", "", 5])
-def test_unknown_turbine_names_the_catalogue(name):
+def test_unknown_turbine_names_the_catalog(name):
     with pytest.raises(TurbineDefinitionError, match=r"iea_15mw.*nrel_5mw"):
         load_turbine(name)
 

@@ -46,11 +46,11 @@ def _built(name: str) -> Turbine:
 
 
 def _has_file(name: str) -> bool:
-    """Whether a windIO file describes a turbine of the catalogue."""
+    """Whether a windIO file describes a turbine of the catalog."""
     return bool(RECORDS[name].source.keys() & {"file", "windio_example"})
 
 
-def catalogue() -> tuple[str, ...]:
+def catalog() -> tuple[str, ...]:
     """Return the names that ``load_turbine`` knows."""
     return tuple(RECORDS)
 
@@ -61,12 +61,12 @@ def load_turbine(
     foundation: Array | None = None,
     rotation: str | None = None,
 ) -> Turbine:
-    """Load a turbine of the catalogue, any windIO file (version 2 or 1) or any OpenFAST model.
+    """Load a turbine of the catalog, any windIO file (version 2 or 1) or any OpenFAST model.
 
     Parameters
     ----------
     name_or_path : str or Path
-        A name of ``catalogue()``, the path of a YAML file, or that of the primary file of an OpenFAST model (``.fst``,
+        A name of ``catalog()``, the path of a YAML file, or that of the primary file of an OpenFAST model (``.fst``,
         see `read_openfast`).
     water_depth : float, optional
         Puts the tower on the monopile of the file, in water of this depth [m]. By default a tower is clamped at its
@@ -118,7 +118,7 @@ def load_turbine(
 
 
 def turbine_file(name_or_path: str | Path) -> Path:
-    """Return the path of the file behind a name of the catalogue, or the given path if it is a file."""
+    """Return the path of the file behind a name of the catalog, or the given path if it is a file."""
     if isinstance(name_or_path, str) and name_or_path in RECORDS:
         source = RECORDS[name_or_path].source
         if not _has_file(name_or_path):
@@ -134,7 +134,7 @@ def turbine_file(name_or_path: str | Path) -> Path:
         if spec is None or spec.origin is None:
             raise TurbineDefinitionError("the package windIO is not installed: pip install windIO")
         return Path(spec.origin).parent / "examples" / "turbine" / str(source["windio_example"])
-    allowed = f"one of {', '.join(map(repr, catalogue()))} or the path of a windIO file or OpenFAST model (.fst)"
+    allowed = f"one of {', '.join(map(repr, catalog()))} or the path of a windIO file or OpenFAST model (.fst)"
     if not isinstance(name_or_path, (str, Path)):
         raise fail("turbine", name_or_path, allowed)
     path = Path(name_or_path).expanduser()
@@ -142,7 +142,7 @@ def turbine_file(name_or_path: str | Path) -> Path:
         raise fail("turbine", str(name_or_path), f"{allowed} (this is a folder)")
     if not path.is_file():
         raise fail(
-            "turbine", str(name_or_path), f"{allowed} (there is no such file){did_you_mean(name_or_path, catalogue())}"
+            "turbine", str(name_or_path), f"{allowed} (there is no such file){did_you_mean(name_or_path, catalog())}"
         )
     return path
 

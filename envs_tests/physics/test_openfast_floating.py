@@ -1,0 +1,102 @@
+"""Floating turbines in OpenFAST: the decay of a written platform, and waves and wind beside the simulator."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from openfast_library import openfast_driver, openfast_library
+
+from wt_gym.bridges.openfast import OpenFASTSimulator, write_model
+from wt_gym.bridges.openfast.driver import run_driver
+from wt_gym.control import Demand
+from wt_gym.control.controllers import make_controller
+from wt_gym.control.operating_point import starting_point
+from wt_gym.hydrodynamics.waves import WaveComponents
+from wt_gym.simulation import Simulator
+from wt_gym.turbines import load_turbine
+from wt_gym.turbines.openfast_text import InputFile
+from wt_gym.wind import SteadyInflow
+
+SERIES = Path(__file__).resolve().parents[3] / "shared" / "floating" / "series" / "oc4_decay_pitch.csv"
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(openfast_library() is None, reason="no library of OpenFAST"),
+]
+PERIOD, DURATION, LAST = 10.0, 60.0, 40.0
+OMEGA = 2.0 * np.pi / PERIOD
+
+
+def turning_points(time, values):
+    """Times and values of extremes, by parabolas through three samples."""
+    points = []
+    for k in range(1, len(time) - 1):
+        before, after = values[k] - values[k - 1], values[k + 1] - values[k]
+        if before * after < 0.0:
+            shift = 0.5 * (before + after) / (before - after)
+            points.append((time[k] + shift * (time[k + 1] - time[k]), values[k] + 0.25 * (before + after) * shift))
+    return np.array(points)
+
+
+@pytest.mark.skipif(openfast_driver() is None or not SERIES.is_file(), reason="needs the driver and reference series")
+def test_decay_of_pitch(tmp_path):
+    """OC4 released at 8 degrees as the reference run was: on MAP++, tables at other frequencies, parked without air."""
+    path = write_model(load_turbine("oc4_nrel_5mw"), tmp_path)
+    primary, elastodyn = InputFile(path), InputFile(tmp_path / "elastodyn.dat")
+    primary.set_all({"CompAero": 0, "CompInflow": 0, "CompServo": 0, "TMax": 150.0, "DT": 0.05})
+    primary.write(path)
+    rigid = ("TwFADOF2", "TwSSDOF2", "FlapDOF1", "FlapDOF2", "EdgeDOF", "GenDOF", "DrTrDOF", "YawDOF")
+    blades = {f"BlPitch({blade})": 90.0 for blade in (1, 2, 3)}
+    elastodyn.set_all({**dict.fromkeys(rigid, False), **blades, "RotSpeed": 0.0, "PtfmPitch": 8.0})
+    elastodyn.set_outputs(["PtfmPitch"])
+    elastodyn.write(elastodyn.path)
+    lines = run_driver(path, openfast_driver()).read_text().splitlines()
+    head = next(k for k, line in enumerate(lines) if line.split()[:1] == ["Time"])
+    table = np.array([line.split() for line in lines[head + 2 :]], dtype=float)
+    found = turning_points(table[:, 0], table[:, lines[head].split().index("PtfmPitch")])[:9]
+    reference = np.genfromtxt(SERIES, delimiter=",", names=True)
+    wanted = turning_points(reference["time_s"], reference["pitch_deg"])[:9]
+    np.testing.assert_allclose(np.diff(found[::2, 0]).mean(), np.diff(wanted[::2, 0]).mean(), rtol=0.02)
+    np.testing.assert_allclose(abs(np.diff(found[:, 1])), abs(np.diff(wanted[:, 1])), rtol=0.05)
+
+
+def flown(simulator):
+    """Rows of platform motions and rotor speed under the turbine's own controller."""
+    turbine, step = simulator.turbine, simulator.time_step
+    point, controller = starting_point(turbine, simulator.inflow), make_controller("discon", turbine)
+    signals = simulator.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
+    controller.start(signals, Demand(np.full(3, point.pitch), 0.0, point.generator_torque))
+    rows = []
+    for _ in range(round(DURATION / step)):
+        demand = controller.step(signals, step)
+        signals = simulator.advance(step, demand.pitch, demand.yaw_rate, demand.generator_torque)
+        names = ("time", "platform_surge", "platform_heave", "platform_pitch", "rotor_speed", "wave_elevation")
+        rows.append([signals[name] for name in names])
+    return np.array(rows)
+
+
+def response(rows):
+    """Complex amplitudes at the wave's frequency, beside transients as a polynomial (n_columns - 1,)."""
+    time, rest = rows[rows[:, 0] > DURATION - LAST, 0], rows[rows[:, 0] > DURATION - LAST, 1:]
+    x = time - time.mean()
+    basis = np.column_stack([np.cos(OMEGA * time), np.sin(OMEGA * time), *(x**k for k in range(4))])
+    cosine, sine, *_ = np.linalg.lstsq(basis, rest, rcond=None)[0]
+    return cosine - 1j * sine
+
+
+@pytest.mark.parametrize(("name", "speed"), [("oc4_nrel_5mw", 12.0), ("volturnus_iea_15mw", 18.0)])
+def test_a_regular_wave_moves_both_alike(name, speed):
+    """A wave of 10 s and 1.5 m to the left of the wind: amplitudes within 5 %, phases within 5 degrees."""
+    turbine = load_turbine(name)
+    sea = WaveComponents(np.array([OMEGA]), np.array([1.5]), np.array([0.4]), np.array([0.3]), depth=200.0)
+    wind = SteadyInflow(speed, turbine.hub_height)
+    other = OpenFASTSimulator(turbine, wind, openfast_library=openfast_library(), sea=sea, duration=DURATION)
+    found = flown(other)
+    other.close()
+    wanted = flown(Simulator(turbine, wind, sea=sea))
+    np.testing.assert_allclose(found[:, -1], sea.elevation(found[:, 0]), atol=1e-5)
+    ratio = response(found)[:3] / response(wanted)[:3]
+    np.testing.assert_allclose(abs(ratio), 1.0, atol=0.05)
+    np.testing.assert_allclose(np.angle(ratio), 0.0, atol=np.radians(5.0))
+    half = found[:, 0] > DURATION - LAST
+    assert found[half, 4].mean() == pytest.approx(wanted[half, 4].mean(), rel=0.03)
+    assert found[half, 3].mean() == pytest.approx(wanted[half, 3].mean(), abs=np.radians(0.5))
