@@ -67,9 +67,7 @@ class SeaChoice:
         if not 0.0 <= spread <= math.pi:
             raise ValueError(f"sea {MISALIGNMENT!r} must be between 0 and pi rad, got {spread!r}")
         fields.setdefault("kind", "jonswap")
-        if fields.keys() & {"significant_height", "file"} or fields["kind"] in ("still", "file"):
-            return cls(SeaState(**fields), spread)
-        return cls(SeaState(**fields, significant_height=0.0), spread)
+        return cls(SeaState(**fields), spread)
 
 
 def sea_of_wind(speed: float) -> SeaState:
