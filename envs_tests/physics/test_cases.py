@@ -37,7 +37,7 @@ from wt_gym.control.controllers.discon import DisconController, nrel_5mw_paramet
 from wt_gym.simulation.fidelity import fidelity
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
-LONG = {"iea-15mw-blade-dynamic", "iea-15mw-blade-static", "observer-turbine-reduction"}
+LONG = {"floating-control", "iea-15mw-blade-dynamic", "iea-15mw-blade-static", "observer-turbine-reduction"}
 """Slow cases that a run of the slow tests takes too."""
 
 
