@@ -47,6 +47,12 @@ PICTURES = {
         ("uae-phase-vi", "."),
     ),
     "validation_steps": (("tjaereborg", "."), ("wind-step", ".")),
+    "validation_floating": (
+        ("floating-decays", r"(surge|pitch)$"),
+        ("floating-waves", r"^OC4, ([\d.]+) s, 2 m: surge$", "OC4, surge over wave", "period of the wave [s]", "m/m"),
+        ("floating-waves", r"^OC4, ([\d.]+) s, 2 m: pitch$", "OC4, pitch over wave", "period of the wave [s]",
+         "deg/m"),
+    ),
     "validation_gebhardt": (("gebhardt-2012", r"^Figure \d+:"),),
     "validation_observer": (
         ("observer-frame-rotor", r"^Fig\. 3"), ("observer-frame-follower", r"^Fig\. 4"),
