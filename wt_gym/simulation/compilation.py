@@ -67,10 +67,14 @@ def compile_once(
             with_help(turbine, fidelity)
 
 
-def announce_compilation(coupling: Coupling, turbine: Turbine) -> None:
-    """Tell the user that a start has to compile the step of a formulation or of bodies that have not run yet."""
+def compile_step(coupling: Coupling, turbine: Turbine) -> None:
+    """Compile the step of a formulation or of bodies that has not run on this machine, and say so.
+
+    The step is compiled here, since the next process would repeat the message after a start without a step.
+    """
     if not (_under_way or coupling.is_compiled()):
         _announce(type(coupling), turbine)
+        coupling.compile()
 
 
 @contextmanager
