@@ -60,6 +60,7 @@ html_theme = "furo"
 html_title = f"wt_gym {version}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(ROOT / "docs" / "site_parts" / "search.js")  # titles and headings first
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {

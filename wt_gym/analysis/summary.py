@@ -186,7 +186,20 @@ def summarize(evaluation: Evaluation) -> list[str]:
     paragraphs = [_baseline_paragraph(evaluation)]
     paragraphs += [_agent_paragraph(evaluation, agent) for agent in evaluation.others]
     notes = [*evaluation.notes.values(), *evaluation.idle_sentences.values()]
-    return [*paragraphs, *notes, _reach_paragraph(evaluation)]
+    return [*paragraphs, *_bearing_paragraph(evaluation), *notes, _reach_paragraph(evaluation)]
+
+
+def _bearing_paragraph(evaluation: Evaluation) -> list[str]:
+    """Duty cycles that wear pitch bearings; nothing where no agent pitches much."""
+    survivors = [agent for agent in evaluation.agents if evaluation.survived(agent)]
+    cycles = {agent: evaluation.mean_metrics(agent).get("pitch_duty_cycle", 0.0) for agent in survivors}
+    if max(cycles.values(), default=0.0) <= _MUCH_PITCH:
+        return []
+    shares = _and([f"{agent} {100.0 * share:.0f} %" for agent, share in cycles.items()])
+    return [
+        "Pitch bearings wear with the duty cycle, the mean pitch rate over the largest of the drive;"
+        f" typical individual pitch control has 20 % at 15 m/s. Here it is: {shares}."
+    ]
 
 
 def _baseline_paragraph(evaluation: Evaluation) -> str:
@@ -302,8 +315,6 @@ def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
         f"Damage-equivalent loads: {loads}.",
         f"Its pitch duty cycle is {_shown('pitch_duty_cycle', mine)} against {_shown('pitch_duty_cycle', base)}.",
     ]
-    if mine["pitch_duty_cycle"] > _MUCH_PITCH > base["pitch_duty_cycle"]:
-        sentences.append("Pitch bearings wear with it; typical individual pitch control has 20 % at 15 m/s.")
     if mine["overspeed_count"] > base["overspeed_count"]:
         more = " more often" if base["overspeed_count"] else ", the baseline did not"
         sentences.append(f"It ran into overspeed (above 110 % of rated){more}.")
