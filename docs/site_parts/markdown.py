@@ -8,17 +8,13 @@ import re
 __all__ = ["first_sentence", "meaning", "table", "value"]
 
 
-_LONG = 25
-
-
 def table(headings, rows, kind=""):
     """Table with one row of headings; ``kind`` is its class in the page. A long list is folded."""
     lines = [headings, ["---"] * len(headings), *rows]
     body = "\n".join("| " + " | ".join(_cell(text) for text in line) + " |" for line in lines)
     body = f"{{.{kind}}}\n{body}\n" if kind else f"{body}\n"
-    if kind not in ("options", "channels") or len(rows) <= _LONG:
-        return body
-    return f":::::{{dropdown}} {len(rows)} rows: {', '.join(filter(None, headings))}\n{body}:::::\n"
+    folded = kind in ("options", "channels") and len(rows) > 25
+    return f":::::{{dropdown}} {len(rows)} rows: {', '.join(headings)}\n{body}:::::\n" if folded else body
 
 
 def _cell(text):

@@ -186,20 +186,7 @@ def summarize(evaluation: Evaluation) -> list[str]:
     paragraphs = [_baseline_paragraph(evaluation)]
     paragraphs += [_agent_paragraph(evaluation, agent) for agent in evaluation.others]
     notes = [*evaluation.notes.values(), *evaluation.idle_sentences.values()]
-    return [*paragraphs, *_bearing_paragraph(evaluation), *notes, _reach_paragraph(evaluation)]
-
-
-def _bearing_paragraph(evaluation: Evaluation) -> list[str]:
-    """Duty cycles that wear pitch bearings; nothing where no agent pitches much."""
-    survivors = [agent for agent in evaluation.agents if evaluation.survived(agent)]
-    cycles = {agent: evaluation.mean_metrics(agent).get("pitch_duty_cycle", 0.0) for agent in survivors}
-    if max(cycles.values(), default=0.0) <= _MUCH_PITCH:
-        return []
-    shares = _and([f"{agent} {100.0 * share:.0f} %" for agent, share in cycles.items()])
-    return [
-        "Pitch bearings wear with the duty cycle, the mean pitch rate over the largest of the drive;"
-        f" typical individual pitch control has 20 % at 15 m/s. Here it is: {shares}."
-    ]
+    return [*paragraphs, *notes, _reach_paragraph(evaluation)]
 
 
 def _baseline_paragraph(evaluation: Evaluation) -> str:
@@ -212,6 +199,9 @@ def _baseline_paragraph(evaluation: Evaluation) -> str:
             f"{agent} made {_shown('corrected_power', mean)} on average, with a rotor speed of up to {fastest} and a"
             f" pitch duty cycle of {_shown('pitch_duty_cycle', mean)}."
         )
+    cycles = [evaluation.mean_metrics(one).get("pitch_duty_cycle", 0.0) for one in evaluation.others]
+    if max(cycles, default=0.0) > _MUCH_PITCH:
+        sentences.append("A high duty cycle wears pitch bearings; typical individual pitch control has 20 % at 15 m/s.")
     return " ".join(sentence for sentence in sentences if sentence)
 
 

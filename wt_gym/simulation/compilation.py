@@ -68,10 +68,7 @@ def compile_once(
 
 
 def compile_step(coupling: Coupling, turbine: Turbine) -> None:
-    """Compile the step of a formulation or of bodies that has not run on this machine, and say so.
-
-    The step is compiled here, since the next process would repeat the message after a start without a step.
-    """
+    """Say that the step of a formulation or of bodies is new, and compile it: the next process finds it."""
     if not (_under_way or coupling.is_compiled()):
         _announce(type(coupling), turbine)
         coupling.compile()

@@ -656,11 +656,9 @@ class Coupling:
 
     def compile(self) -> None:
         """Compile the step for the types of its arguments, or load it."""
-        if self.models.lattice.split is None:
-            self.compiled_step()
-        else:
-            for part in self.parts_without_air():
-                compiled_for(*part)
+        whole = ((coupled_step, (*self.bundle(), self.wind.blades)),)
+        for part in whole if self.models.lattice.split is None else self.parts_without_air():
+            compiled_for(*part)
 
     def parts_without_air(self) -> tuple[tuple[Any, tuple[Any, ...]], ...]:
         """Kernels of the step that do without the induction of the wake, with their arguments."""
