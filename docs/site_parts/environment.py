@@ -40,7 +40,7 @@ def ids():
              f"{length:g}\u00a0s by {step:g}\u00a0s")
         )  # fmt: skip
     headings = ("id", "turbine", "wind", "actions / observations", "episode by control step")
-    goals = table(("task", "goal", "score"), [(f"`{t.id}`", t.goal, t.score) for t in TASKS.values()], "options")
+    goals = table(("task", "goal", "score"), [(f"`{t.id}`", t.goal, t.score) for t in TASKS.values()])
     return table(headings, rows, "options") + "\n## Goals of the tasks\n\n" + goals
 
 
@@ -78,7 +78,7 @@ def action(name):
     rows = gym.make(name).unwrapped.layout.action.table()
     headings = list(rows[0])
     cells = [[f"{v:.4g}" if isinstance(v, float) else v for v in row.values()] for row in rows]
-    return table([heading.replace("_", " ") for heading in headings], cells, "channels")
+    return table([heading.replace("_", " ") for heading in headings], cells)
 
 
 def rewards():

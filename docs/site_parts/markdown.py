@@ -13,7 +13,7 @@ def table(headings, rows, kind=""):
     lines = [headings, ["---"] * len(headings), *rows]
     body = "\n".join("| " + " | ".join(_cell(text) for text in line) + " |" for line in lines)
     body = f"{{.{kind}}}\n{body}\n" if kind else f"{body}\n"
-    folded = kind in ("options", "channels") and len(rows) > 25
+    folded = kind in ("options", "channels") and len(rows) > 30
     return f":::::{{dropdown}} {len(rows)} rows: {', '.join(headings)}\n{body}:::::\n" if folded else body
 
 
