@@ -40,7 +40,8 @@ suppress_warnings = ["config.cache", "ref.python"]
 myst_enable_extensions = ["colon_fence", "deflist", "attrs_inline", "attrs_block"]
 myst_heading_anchors = 3
 
-# Notebooks are text without outputs, and run whole at each build; -D nb_execution_mode=off leaves them unrun
+# Notebooks are text without outputs, and run at each build but for cells with the tag skip-execution, whose results are
+# recorded; -D nb_execution_mode=off leaves them unrun
 nb_execution_mode = "force"
 nb_execution_timeout = 1800  # wall time of a cell, also on a busy machine
 nb_execution_raise_on_error = True
@@ -60,6 +61,7 @@ html_theme = "furo"
 html_title = f"wt_gym {version}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(ROOT / "docs" / "site_parts" / "search.js")  # titles and headings first
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {

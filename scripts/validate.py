@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Compare the simulator with exact, published and independently computed numbers.
 
     python scripts/validate.py list
@@ -17,10 +18,11 @@ import sys
 import traceback
 from pathlib import Path
 
+import use_venv  # noqa: F401 - finds packages and interpreter
+
 from rich.console import Console
 from rich.table import Table
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the cases are no part of the installed package
 from envs_tests.physics.validation import (
     CaseResult,
     Check,

@@ -27,8 +27,9 @@ def ids():
     for name in sorted(gym.registry):
         if not name.startswith("wt_gym/"):
             continue
-        spec, env = gym.spec(name), gym.make(name).unwrapped
-        modeled = spec.kwargs.get("modeled")  # by a linear model in recorded winds
+        spec = gym.spec(name)
+        modeled = spec.kwargs.get("modeled")  # by a linear model in recorded winds, which need not be made here
+        env = gym.make(modeled or name).unwrapped
         given, step = gym.spec(modeled or name).kwargs, env.layout.control_dt
         low, high = np.broadcast_to(given.get("wind_speed", speeds), 2)
         length = (spec.max_episode_steps or env.length.steps) * step
@@ -39,7 +40,7 @@ def ids():
              f"{length:g}\u00a0s by {step:g}\u00a0s")
         )  # fmt: skip
     headings = ("id", "turbine", "wind", "actions / observations", "episode by control step")
-    goals = table(("task", "goal", "score"), [(f"`{t.id}`", t.goal, t.score) for t in TASKS.values()], "options")
+    goals = table(("task", "goal", "score"), [(f"`{t.id}`", t.goal, t.score) for t in TASKS.values()])
     return table(headings, rows, "options") + "\n## Goals of the tasks\n\n" + goals
 
 
@@ -64,13 +65,12 @@ def _options(group, flat):
 
 def observation(name):
     """What an id observes."""
-    layout = gym.make(name).unwrapped.layout.observation
+    layout, numbers = gym.make(name).unwrapped.layout.observation, ("offset", "scale", "min", "max")
     rows = [
-        (k, f"`{row['name']}`", row["description"], f"{row['offset']:.4g}", f"{row['scale']:.4g}", f"{row['min']:.4g}",
-         f"{row['max']:.4g}", row["unit"])
+        (f"`{row['name']}`", k, row["unit"], *(f"{row[name]:.4g}" for name in numbers), row["description"])
         for k, row in enumerate(layout.table())
-    ]  # fmt: skip
-    return table(("", "channel", "what", "offset", "scale", "min", "max", "unit"), rows, "channels")
+    ]
+    return table(("channel", "index", "unit", *numbers, "what"), rows, "channels")
 
 
 def action(name):
@@ -78,7 +78,7 @@ def action(name):
     rows = gym.make(name).unwrapped.layout.action.table()
     headings = list(rows[0])
     cells = [[f"{v:.4g}" if isinstance(v, float) else v for v in row.values()] for row in rows]
-    return table([heading.replace("_", " ") for heading in headings], cells, "channels")
+    return table([heading.replace("_", " ") for heading in headings], cells)
 
 
 def rewards():

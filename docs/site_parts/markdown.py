@@ -9,10 +9,12 @@ __all__ = ["first_sentence", "meaning", "table", "value"]
 
 
 def table(headings, rows, kind=""):
-    """Table with one row of headings; ``kind`` is its class in the page."""
+    """Table with one row of headings; ``kind`` is its class in the page. A long list is folded."""
     lines = [headings, ["---"] * len(headings), *rows]
     body = "\n".join("| " + " | ".join(_cell(text) for text in line) + " |" for line in lines)
-    return f"{{.{kind}}}\n{body}\n" if kind else f"{body}\n"
+    body = f"{{.{kind}}}\n{body}\n" if kind else f"{body}\n"
+    folded = kind in ("options", "channels") and len(rows) > 30
+    return f":::::{{dropdown}} {len(rows)} rows: {', '.join(headings)}\n{body}:::::\n" if folded else body
 
 
 def _cell(text):

@@ -81,9 +81,8 @@ def parameters():
         for parameter in declared_parameters(name):
             shown = default_text(parameter)
             default = shown if parameter.default is None else f"`{shown}`"
-            rows.append(
-                (f"`{name}`", f"`{parameter.name}`", parameter.unit, default, parameter.allowed, parameter.meaning)
-            )
+            told = parameter.unit, default, parameter.allowed, parameter.meaning
+            rows.append((f"`{name}`", f"`{parameter.name}`", *told))
     return table(("controller", "parameter", "unit", "default", "allowed", "meaning"), rows, "options")
 
 

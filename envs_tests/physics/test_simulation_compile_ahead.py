@@ -13,9 +13,9 @@ import pytest
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.compilation import (
     HELPER,
-    announce_compilation,
     compile_ahead,
     compile_once,
+    compile_step,
     compile_structure,
     compiling,
 )
@@ -52,6 +52,15 @@ def test_a_first_environment_compiles_by_itself_and_says_so(tmp_path):
     again = subprocess.run([sys.executable, "-c", STEP], env=environment, check=True, capture_output=True, text=True)
     assert again.stderr == ""
     assert kernels(tmp_path) == before
+
+
+@pytest.mark.slow
+def test_a_start_without_a_step_compiles_what_it_announces():
+    """A floating turbine whose blades twist: the next process says nothing."""
+    start = "from wt_gym import simulation, wind; s = simulation.Simulator('oc4_nrel_5mw', "
+    start += "wind.SteadyInflow(10.0), 'training-torsion'); s.reset(1.0)"
+    subprocess.run([sys.executable, "-c", start], check=True)
+    assert "compiling" not in subprocess.run([sys.executable, "-c", start], capture_output=True, text=True).stderr
 
 
 @pytest.fixture
@@ -158,10 +167,10 @@ def test_what_is_compiled_is_not_announced(plain, caplog):
     simulator.advance(0.1, pitch=0.0)
     assert Coupling.was_compiled()
     assert simulator.coupling.is_compiled()
-    announce_compilation(simulator.coupling, plain[0])
+    compile_step(simulator.coupling, plain[0])
     assert not caplog.messages
-    announce_compilation(NeverStepped(simulator.coupling.models), plain[0])
-    assert len(caplog.messages) == 1
+    compile_step(never := NeverStepped(simulator.coupling.models), plain[0])
+    assert len(caplog.messages) == never.compiled == 1
 
 
 class NeverStepped(Coupling):
@@ -170,6 +179,9 @@ class NeverStepped(Coupling):
     def bundle(self):
         air, *others = super().bundle()
         return (air, 0), *others
+
+    def compile(self):
+        self.compiled = 1
 
 
 def kernels(folder):

@@ -401,11 +401,13 @@ LINES = dict.fromkeys(
 @pytest.mark.parametrize("line", LINES)
 def test_first_commands_are_accepted(line):
     program, *words = shlex.split(line)
+    if program.startswith("scripts/"):
+        assert (ROOT / program).stat().st_mode & 0o100
+        assert text_of(program).startswith("#!/usr/bin/env ")
     if program == "scripts/validate.py":
         assert validate.make_parser().parse_args(words)
         assert {*words[1:]} <= {*load_cases()}
     elif program.startswith("scripts/"):
-        assert (ROOT / program).stat().st_mode & 0o100
         assert not words
     elif program == "python":
         assert (ROOT / words[0]).is_file()

@@ -199,6 +199,9 @@ def _baseline_paragraph(evaluation: Evaluation) -> str:
             f"{agent} made {_shown('corrected_power', mean)} on average, with a rotor speed of up to {fastest} and a"
             f" pitch duty cycle of {_shown('pitch_duty_cycle', mean)}."
         )
+    cycles = [evaluation.mean_metrics(one).get("pitch_duty_cycle", 0.0) for one in evaluation.others]
+    if max(cycles, default=0.0) > _MUCH_PITCH:
+        sentences.append("A high duty cycle wears pitch bearings; typical individual pitch control has 20 % at 15 m/s.")
     return " ".join(sentence for sentence in sentences if sentence)
 
 
@@ -302,8 +305,6 @@ def _comparison(evaluation: Evaluation, agent: str) -> list[str]:
         f"Damage-equivalent loads: {loads}.",
         f"Its pitch duty cycle is {_shown('pitch_duty_cycle', mine)} against {_shown('pitch_duty_cycle', base)}.",
     ]
-    if mine["pitch_duty_cycle"] > _MUCH_PITCH > base["pitch_duty_cycle"]:
-        sentences.append("Pitch bearings wear with it; typical individual pitch control has 20 % at 15 m/s.")
     if mine["overspeed_count"] > base["overspeed_count"]:
         more = " more often" if base["overspeed_count"] else ", the baseline did not"
         sentences.append(f"It ran into overspeed (above 110 % of rated){more}.")

@@ -67,10 +67,11 @@ def compile_once(
             with_help(turbine, fidelity)
 
 
-def announce_compilation(coupling: Coupling, turbine: Turbine) -> None:
-    """Tell the user that a start has to compile the step of a formulation or of bodies that have not run yet."""
+def compile_step(coupling: Coupling, turbine: Turbine) -> None:
+    """Say that the step of a formulation or of bodies is new, and compile it: the next process finds it."""
     if not (_under_way or coupling.is_compiled()):
         _announce(type(coupling), turbine)
+        coupling.compile()
 
 
 @contextmanager

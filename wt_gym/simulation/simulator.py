@@ -17,7 +17,7 @@ from wt_gym.multibody.arrays import Drift, MultibodyError
 from wt_gym.multibody.system import check_state
 from wt_gym.multibody.tree.point_kernels import point_motion
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, Signals, parities, reflected_loads, reflected_shapes
-from wt_gym.simulation.compilation import announce_compilation, compile_ahead, compile_once
+from wt_gym.simulation.compilation import compile_ahead, compile_once, compile_step
 from wt_gym.simulation.contract import DrivenSimulator, SimulatorState, WindChoice, fingerprint
 from wt_gym.simulation.drivetrain.drives import Drives, GeneratorLaw, check_damper_step, check_finite
 from wt_gym.simulation.drivetrain.faults import DriveFault
@@ -194,7 +194,7 @@ class Simulator(DrivenSimulator):
         if wake_thrust is not None:
             check_finite(wake_thrust=wake_thrust)
         if not self._compiled:  # to look that up takes as long as half a start
-            announce_compilation(self.coupling, self.coupling.models.turbine)
+            compile_step(self.coupling, self.coupling.models.turbine)
             self._compiled = True
         self.drives.start(pitch, -yaw if self.mirrored else yaw, rotor_speed, generator_torque)
         self._n_steps, self._started = 0, False

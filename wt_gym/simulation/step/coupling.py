@@ -654,6 +654,12 @@ class Coupling:
             return bool(is_compiled(coupled_step, (*self.bundle(), self.wind.blades)))
         return all(is_compiled(*part) for part in self.parts_without_air())
 
+    def compile(self) -> None:
+        """Compile the step for the types of its arguments, or load it."""
+        whole = ((coupled_step, (*self.bundle(), self.wind.blades)),)
+        for part in whole if self.models.lattice.split is None else self.parts_without_air():
+            compiled_for(*part)
+
     def parts_without_air(self) -> tuple[tuple[Any, tuple[Any, ...]], ...]:
         """Kernels of the step that do without the induction of the wake, with their arguments."""
         air, structure, x, scheme, gauges, monitor = self.bundle()
