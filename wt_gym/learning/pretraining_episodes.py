@@ -443,7 +443,7 @@ def load_metrics(
         "tower_fore_aft_del": aft,
         "tower_side_side_del": side,
         "pitch_duty_cycle": pitch[:, skip:].diff(dim=1).abs().mean() / dt / full_rate,
-        **({"platform_pitch_std": platform[0, skip:].std()} if len(platform) else {}),
+        **({"platform_pitch_std": platform[0, skip:].std(correction=0)} if len(platform) else {}),
     }
 
 
