@@ -109,8 +109,8 @@ def simulated(acting, speed, individual=None, gain=1.0):
         flap=outputs[0] + outputs[1] * np.cos(angles) + outputs[2] * np.sin(angles),
         edge=outputs[6] + outputs[7] * np.cos(angles) + outputs[8] * np.sin(angles),
         pitch=0.2 + np.concatenate([np.zeros((3, 1)), moved], axis=1), tower=outputs[3:5], platform=outputs[9:] / 1e6,
-        power=outputs[5], azimuth=azimuth, read_azimuth=azimuth[:-1], read_speed=rotor_speed[:-1], individual=left, lead=0.3,
-        pitch_gain=gain,
+        power=outputs[5], azimuth=azimuth, read_azimuth=azimuth[:-1], read_speed=rotor_speed[:-1], individual=left,
+        lead=0.3, pitch_gain=gain,
     )  # fmt: skip
 
 

@@ -101,8 +101,8 @@ class Forecast:
     """Fore-aft and side-side moment at the base [N m]. Shape (2, n + 1)."""
     power: float
     """Mean [W]."""
-    platform: NDArray[np.float64]
-    """Pitch of the platform [rad]. Shape (1, n + 1), on land (0, n + 1)."""
+    platform: Sequence[NDArray[np.float64]] = ()
+    """Pitch of a platform [rad]. Shape (1, n + 1), on land nothing."""
 
     def metrics(self, dt: float, full_rate: float, skip: float) -> dict[str, float]:
         """Metrics of the lifetime cost, without what lies in the first ``skip`` [s]; ``full_rate`` [rad/s]."""
@@ -118,7 +118,7 @@ class Forecast:
             "tower_fore_aft_del": load(self.tower[0], TOWER_EXPONENT),
             "tower_side_side_del": load(self.tower[1], TOWER_EXPONENT),
             "pitch_duty_cycle": float(np.abs(np.diff(self.pitch[:, start:])).mean() / dt / full_rate),
-            **({"platform_pitch_std": float(self.platform[0, start:].std())} if len(self.platform) else {}),
+            **({"platform_pitch_std": float(self.platform[0][start:].std())} if len(self.platform) else {}),
         }
 
 
@@ -259,7 +259,7 @@ def _rows(
     rate = np.sqrt(0.5 * travel * counts / (rate_now + options.still))
     swing, swing_there = (
         series[:, 1:] - np.average(series[:, 1:], axis=1, weights=counts)[:, None]
-        for series in (run.loads[3:], now.platform)
+        for series in (run.loads[3:], np.asarray(now.platform))
     )
     before, size = ((counts * series**2).sum(1) for series in (swing, swing_there))
     platform = np.sqrt(0.5 * weights.get("platform_pitch_std", 0.0) / np.sqrt(before * size))[:, None] * counts

@@ -219,8 +219,8 @@ def record(
     )
 
 
-def floating_loads(channels: Mapping[str, Any], turbine: Turbine) -> NDArray[np.float64]:
-    """Pitch of a floating platform about the axis across the nacelle [rad], (1, n) of channels (n,); on land (0, n)."""
+def floating_loads(channels: Any, turbine: Turbine) -> NDArray[np.float64]:
+    """Pitch of a platform about the axis across the nacelle [rad], (1, n) of channels (n,) by name; on land (0, n)."""
     if turbine.floater is None:
         return np.zeros((0, len(channels["azimuth"])))
     return np.asarray(in_nacelle_axes(channels, "", side_sign(turbine))[0], dtype=float)[None]
