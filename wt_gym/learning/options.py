@@ -484,7 +484,7 @@ class LinearDesignTask(Options):
 
 def excitation_of(turbine: Turbine) -> Excitation:
     """Drawn offsets for a turbine: longer levels of the mean move a floating platform."""
-    return Excitation() if turbine.floater is None else Excitation(math.radians(0.4), longest=20.0)
+    return Excitation() if turbine.floater is None else Excitation(math.radians(0.2), longest=12.0)
 
 
 def design_task(turbine: Turbine, feedback: Mapping[str, Any] | None = None, **options: Any) -> LinearDesignTask:

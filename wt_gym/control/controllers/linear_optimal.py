@@ -467,7 +467,15 @@ class LinearOptions(ObserverOptions):
     gain: float = option("factor on all offsets", default=1.0, unit="-", low=0.0, high=2.0)
 
 
-SHIPPED = ("gebhardt_45m", "iea_15mw", "iea_15mw_monopile", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile")
+SHIPPED = (
+    "gebhardt_45m",
+    "iea_15mw",
+    "iea_15mw_monopile",
+    "iea_22mw",
+    "nrel_5mw",
+    "nrel_5mw_monopile",
+    "oc4_nrel_5mw",
+)
 """Turbines with a design in ``data``."""
 
 SCHEDULE_TIME = 10.0
