@@ -35,6 +35,7 @@ from wt_gym.control.controllers.linear_optimal import (
     spread_over_bins,
     without_lasting,
 )
+from wt_gym.control.design import platform_pitch_frequency
 from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.comparison import inflow_of
@@ -48,9 +49,17 @@ from wt_gym.learning.linear_design import (
     forecast,
     forecast_change,
     minimize_quadratic,
+    n_read,
 )
-from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask
-from wt_gym.learning.recording import Recording, RecordingStore, explained_share, identify, respond
+from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask, design_task
+from wt_gym.learning.recording import (
+    Recording,
+    RecordingStore,
+    explained_share,
+    identify,
+    respond,
+    sea_of_training,
+)
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
@@ -704,6 +713,22 @@ def toy_runs(monkeypatch):
 
 
 TOY_TASK = {"seeds": (1, 2, 3), "duration": 60.0, "memory": 4.0, "feedback": FeedbackOptions(skip=5.0, longest=3.0)}
+
+
+def test_a_design_for_a_floating_turbine_holds_two_periods_of_its_pitch(turbine):
+    assert design_task(turbine, speeds=(15.0,)) == LinearDesignTask(speeds=(15.0,))
+    oc4 = load_turbine("oc4_nrel_5mw")
+    task = design_task(oc4, speeds=(15.0,), feedback={"travel_weight": 2.0})
+    period = 2.0 * math.pi / platform_pitch_frequency(oc4)
+    assert min(task.memory, task.feedback.longest, 0.5 * task.feedback.smooth) > 2.0 * period
+    assert task.feedback.travel_weight == 2.0
+    assert task.feedback.weights["platform_pitch_std"] > 0.0
+    assert n_read(task, oc4) == n_read(replace(task, waves=True), oc4) - 1 == 8
+    assert sea_of_training(turbine, Wind(15.0, 3)) is None
+    seas = [sea_of_training(oc4, Wind(speed, seed)) for speed, seed in ((15.0, 3), (15.0, 4), (18.0, 3))]
+    heights = [4.0 * math.sqrt(0.5 * float(np.sum(sea.amplitude**2))) for sea in seas]
+    assert heights == pytest.approx([4.0, 4.0, 5.0], rel=0.1)
+    assert np.ptp([sea.direction.mean() for sea in seas[:2]]) > 0.0
 
 
 def test_a_design_goes_on_where_it_was_stopped(turbine, toy_runs, tmp_path):
