@@ -1,6 +1,7 @@
 """The baseline controller against numbers worked out by hand from its published constants."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,8 +15,8 @@ DT = 0.0125
 NREL_5MW = nrel_5mw_parameters()
 
 
-def started(speed, pitch, torque=math.nan):
-    controller = DisconController()
+def started(speed, pitch, torque=math.nan, parameters=NREL_5MW):
+    controller = DisconController(parameters)
     controller.start({"generator_speed": speed}, Demand(pitch, 0.0, torque))
     return controller
 
@@ -30,6 +31,13 @@ def test_pitched_blades_hold_constant_power_up_to_the_torque_limit_others_follow
     assert command == pytest.approx(5_296_610 / 118.0)
     assert commands(started(100.0, math.radians(1.01)), 100.0)[1] == 47_402.91
     assert commands(started(105.0, 0.0), 105.0)[1] == pytest.approx(2.332287 * 105.0**2, rel=1e-6)
+
+
+@pytest.mark.parametrize(("speed", "pitch_deg"), [(118.0, 1.01), (128.0, 1.01), (128.0, 0.0)])
+def test_torque_of_rated_power_at_rated_speed_is_held_above_it_too(speed, pitch_deg):
+    """The detuned law of OC3-Hywind (NREL/TP-500-47535, section 4.2): power rises with the speed."""
+    controller = started(speed, math.radians(pitch_deg), parameters=replace(NREL_5MW, constant_power=False))
+    assert commands(controller, speed)[1] == pytest.approx(43_093.55, rel=1e-6)
 
 
 @pytest.mark.parametrize(("speed", "side"), [(122.9096, 1.0), (60.0, -1.0)])

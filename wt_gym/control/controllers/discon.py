@@ -323,9 +323,11 @@ class DisconController:
 
     def _torque_law(self, pitch: float) -> float:
         """Torque [N m] at the filtered speed: law of the region, saturation."""
-        p = self.parameters
-        torque = min(p.torque.torque(self.filtered_speed, constant_power=pitch >= p.region_3_min_pitch), p.max_torque)
-        return torque if p.constant_power else min(torque, p.rated_torque)
+        p, speed, pitched = self.parameters, self.filtered_speed, pitch >= self.parameters.region_3_min_pitch
+        if p.constant_power:
+            return min(p.torque.torque(speed, constant_power=pitched), p.max_torque)
+        held = pitched or speed >= p.torque.rated_generator_speed
+        return p.rated_torque if held else min(p.torque.torque(speed), p.rated_torque)
 
     def _pitch_commands(self, previous: list[float], dt: float) -> list[float]:
         """Pitch commands [rad]: gain-scheduled PI with anti-windup."""
