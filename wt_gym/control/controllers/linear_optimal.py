@@ -6,8 +6,9 @@ long as the model holds, and its coefficients follow from least squares (Youla, 
 Control 21 (1976) 319; system-level synthesis: Anderson et al., Annu. Rev. Control 47 (2019) 364). The designs come from
 ``wt-gym design linear_optimal``.
 
-*Readings* are six quantities in the fixed frame that any turbine's bus can carry (`OUTPUTS`). *Designs* are files of
-plain arrays with the record of their making, no pickled objects (`LinearDesign`).
+*Readings* are six quantities in the fixed frame that any turbine's bus can carry (`OUTPUTS`), on a floating turbine
+rates of the platform too. *Designs* are files of plain arrays with the record of their making, no pickled objects
+(`LinearDesign`).
 
 *Fit of the model* (`ModelFit`): a model explains y(t) of what is measured, and the disturbance d is the rest. If the
 turbine answers 1 + g times as strongly and tau later, the part of the controller's own effect that is left is
