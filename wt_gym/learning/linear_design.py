@@ -101,7 +101,7 @@ class Forecast:
     """Fore-aft and side-side moment at the base [N m]. Shape (2, n + 1)."""
     power: float
     """Mean [W]."""
-    platform: Sequence[NDArray[np.float64]] = ()
+    platform: Sequence[NDArray[np.float64]] | NDArray[np.float64] = ()
     """Pitch of a platform [rad]. Shape (1, n + 1), on land nothing."""
 
     def metrics(self, dt: float, full_rate: float, skip: float) -> dict[str, float]:
