@@ -9,6 +9,7 @@ import pytest
 
 from wt_gym.envs.platform_rewards import PlatformMotion
 from wt_gym.envs.rewards import HighSpeed
+from wt_gym.envs.sea import SeaTerm
 from wt_gym.envs.terminations import Limits
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.turbines import load_turbine
@@ -46,6 +47,19 @@ def test_platform_motion_is_priced_as_its_formula(turbine):
     assert rates(PlatformMotion(2.0), turbine, [(3.0, 4.0)]) == pytest.approx([0.0])
     with pytest.raises(ValueError, match="must be that of a floating turbine"):
         PlatformMotion(1.0).reset(load_turbine("nrel_5mw"), {})
+
+
+def test_the_sea_of_an_episode_without_end_repeats_after_an_hour(turbine):
+    """A longer one than any memory holds is asked for by runs whose duration is the only limit."""
+    term, rng = SeaTerm(turbine, None, False), np.random.default_rng(2)
+    spacings = []
+    for length in (300.0, 1200.0, 3e8):
+        request = SimpleNamespace(
+            options={}, rng=rng, wind=SimpleNamespace(wind_speed=12.0), length=length, drawn={}
+        )  # fmt: skip
+        term.draw(request)
+        spacings.append(np.diff(request.drawn["sea"].components.frequency).min())
+    np.testing.assert_allclose(2.0 * np.pi / np.array(spacings), [600.0, 1200.0, 3600.0], rtol=1e-6)
 
 
 def test_high_speed_costs_from_115_percent_on(turbine):

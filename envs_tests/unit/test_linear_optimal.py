@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from wt_gym.analysis.metrics import FLOATING_COST_WEIGHTS, LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import ControllerError
 from wt_gym.commands import run as run_command
@@ -20,6 +21,7 @@ from wt_gym.control.controllers.linear_optimal import (
     SHIPPED,
     LinearDesign,
     LinearOptimalPitch,
+    LoadObserver,
     ModelFit,
     PitchOffsets,
     bin_means,
@@ -33,6 +35,7 @@ from wt_gym.control.controllers.linear_optimal import (
     spread_over_bins,
     without_lasting,
 )
+from wt_gym.control.design import platform_pitch_frequency
 from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.comparison import inflow_of
@@ -46,9 +49,17 @@ from wt_gym.learning.linear_design import (
     forecast,
     forecast_change,
     minimize_quadratic,
+    n_read,
 )
-from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask
-from wt_gym.learning.recording import Recording, RecordingStore, explained_share, identify, respond
+from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask, design_task
+from wt_gym.learning.recording import (
+    Recording,
+    RecordingStore,
+    explained_share,
+    identify,
+    respond,
+    sea_of_training,
+)
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine
@@ -212,6 +223,32 @@ def test_feedback_lowers_the_cost_of_runs_that_it_has_not_seen(turbine):
     assert forecast_change(now, before, options.weights) < -0.02
 
 
+def test_feedback_steadies_a_platform_by_the_rate_of_its_pitch(turbine):
+    """The mean offset turns a platform that swings with a period of 8 s; its swing costs by a weight of its own."""
+    answer = -0.5 * np.exp(-np.arange(30) / 10.0)
+    responses = np.concatenate([TOY[:6], np.zeros((2, 3, 30)), TOY[6:], np.zeros((1, 3, 30))])
+    responses[9 + 2, 0], responses[6, 0] = answer, np.diff(answer, prepend=0.0) / DT
+    run = toy_recording(1)
+    swing = 0.02 * np.sin(2.0 * np.pi / 8.0 * DT * np.arange(run.steps + 1))
+    rates = np.stack([np.gradient(swing, DT), 1e-3 * run.outputs[1] / 1e6])
+    floating = replace(
+        run, outputs=np.concatenate([run.outputs, rates]), loads=np.concatenate([run.loads, swing[None]])
+    )
+    plant = Plant(responses, floating.outputs.std(1), 0.0, pitch_delay(turbine.pitch, DT), DT)
+    swings = []
+    for weights in (LIFETIME_COST_WEIGHTS, FLOATING_COST_WEIGHTS):
+        options = FeedbackOptions(skip=5.0, longest=5.0, weights=weights)
+        gains, (offsets,) = fit_feedback([floating], plant, turbine, options)
+        now = forecast(floating, plant, offsets)
+        expected = swing + np.concatenate([[0.0], np.convolve(answer, offsets[0])[: run.steps]])
+        np.testing.assert_allclose(now.platform[0], expected, atol=1e-12)
+        swings.append(now.metrics(DT, turbine.pitch.max_rate, 5.0)["platform_pitch_std"])
+    assert gains.shape == (3, 8, 50)
+    assert gains[0, 6].any()
+    assert swings[1] < 0.8 * swing[50:].std()
+    assert swings[1] < 0.9 * swings[0]
+
+
 @pytest.mark.parametrize(
     ("option", "curvature", "metric", "most"),
     [({"travel_weight": 5.0}, 0.0, "pitch_duty_cycle", 0.9), ({}, 300.0, "size", 0.8)],
@@ -325,6 +362,22 @@ def test_outputs_of_records_and_of_signals_agree():
     np.testing.assert_array_equal(recorded[4], -channels["nacelle_acceleration_side_side"])
 
 
+def test_rates_of_a_platform_are_read_in_the_axes_of_the_nacelle():
+    """A nacelle that has turned by 90° pitches as the platform rolls, whichever way the rotor turns."""
+    rng = np.random.default_rng(6)
+    channels = {name: rng.normal(size=7) for name in channels_read(3, 9)}
+    recorded = recorded_outputs(channels, 3, -1.0, 9)
+    assert channels_read(3, 6) == channels_read(3)
+    for k in range(7):
+        out = np.zeros(9)
+        measured_outputs({name: float(values[k]) for name, values in channels.items()}, 3, -1.0, out)
+        np.testing.assert_allclose(recorded[:, k], out, atol=1e-14)
+    turned = recorded_outputs(channels | {"yaw": np.full(7, np.pi / 2.0)}, 3, -1.0, 9)
+    np.testing.assert_allclose(turned[6], -channels["platform_roll_rate"], atol=1e-15)
+    np.testing.assert_allclose(turned[7], -channels["platform_pitch_rate"], atol=1e-15)
+    np.testing.assert_array_equal(recorded[8], channels["wave_elevation"])
+
+
 def test_drawn_offsets_are_held_and_reproducible():
     excitation = Excitation()
     levels = excitation.draw(3000, DT, 5)
@@ -391,6 +444,17 @@ def test_a_design_comes_back_from_its_file(tmp_path):
 def test_a_design_refuses(wrong):
     with pytest.raises(ControllerError, match=next(iter(wrong))):
         made_design(**wrong)
+
+
+def test_a_design_that_reads_a_platform_is_for_a_floating_turbine(turbine):
+    eight = {"responses": np.zeros((1, 8, 3, 12)), "gains": np.zeros((1, 3, 8, 9)), "scale": np.ones(8)}
+    design = made_design(knots=(0.15,), washout=np.zeros(8), **eight)
+    assert design.outputs[6:] == ("platform_pitch_rate", "platform_roll_rate")
+    with pytest.raises(ControllerError, match="floating turbine"):
+        LoadObserver(turbine, design)
+    observer = LoadObserver(load_turbine("oc4_nrel_5mw"), design)
+    assert {"platform_pitch_rate", "platform_roll_rate", "yaw"} <= set(observer.channels)
+    assert "wave_elevation" not in observer.channels
 
 
 def test_files_that_are_no_designs(tmp_path):
@@ -649,6 +713,22 @@ def toy_runs(monkeypatch):
 
 
 TOY_TASK = {"seeds": (1, 2, 3), "duration": 60.0, "memory": 4.0, "feedback": FeedbackOptions(skip=5.0, longest=3.0)}
+
+
+def test_a_design_for_a_floating_turbine_holds_two_periods_of_its_pitch(turbine):
+    assert design_task(turbine, speeds=(15.0,)) == LinearDesignTask(speeds=(15.0,))
+    oc4 = load_turbine("oc4_nrel_5mw")
+    task = design_task(oc4, speeds=(15.0,), feedback={"travel_weight": 2.0})
+    period = 2.0 * math.pi / platform_pitch_frequency(oc4)
+    assert min(task.memory, task.feedback.longest, 0.5 * task.feedback.smooth) > 2.0 * period
+    assert task.feedback.travel_weight == 2.0
+    assert task.feedback.weights["platform_pitch_std"] > 0.0
+    assert n_read(task, oc4) == n_read(replace(task, waves=True), oc4) - 1 == 8
+    assert sea_of_training(turbine, Wind(15.0, 3)) is None
+    seas = [sea_of_training(oc4, Wind(speed, seed)) for speed, seed in ((15.0, 3), (15.0, 4), (18.0, 3))]
+    heights = [4.0 * math.sqrt(0.5 * float(np.sum(sea.amplitude**2))) for sea in seas]
+    assert heights == pytest.approx([4.0, 4.0, 5.0], rel=0.1)
+    assert np.ptp([sea.direction.mean() for sea in seas[:2]]) > 0.0
 
 
 def test_a_design_goes_on_where_it_was_stopped(turbine, toy_runs, tmp_path):

@@ -38,7 +38,7 @@ DT, STEPS, RATED, FULL = 0.1, 400, 5e6, math.radians(8.0)
 SPEEDS = (14.0, 18.0)
 BASE = {
     "blade_flap_del": 9.0, "tower_fore_aft_del": 30.0, "tower_side_side_del": 10.0, "pitch_duty_cycle": 0.01,
-    "captured_power": 4.0, "blade_edge_del": 7.0,
+    "captured_power": 4.0, "blade_edge_del": 7.0, "platform_pitch_std": 0.5,
 }  # fmt: skip
 EXPONENTS = (metrics.BLADE_EXPONENT, metrics.TOWER_EXPONENT)
 ARGUMENTS = {
@@ -69,13 +69,13 @@ def test_fatigue_and_its_gradient_are_those_of_the_metrics():
 # ---------------------------------------------------------------- what an episode would cost
 
 
-SIZES = np.array([30, 30, 30, 60, 20, 1, 4, 4, 4])
+SIZES = np.array([30, 30, 30, 60, 20, 1, 4, 4, 4, 0.01])  # of a floating turbine
 
 
 def plants():
     rng = np.random.default_rng(3)
     decaying = np.exp(-np.arange(30) / 8.0)
-    return Plants(SPEEDS, rng.normal(size=(2, 9, 3, 30)) * decaying * SIZES[:, None, None])
+    return Plants(SPEEDS, rng.normal(size=(2, 10, 3, 30)) * decaying * SIZES[:, None, None])
 
 
 def limits(washout=None, **more):
@@ -96,7 +96,7 @@ def simulated(acting, speed, individual=None, gain=1.0):
     rng = np.random.default_rng(4)
     azimuth, rotor_speed = 1.2 * DT * np.arange(STEPS + 1), np.full(STEPS + 1, 1.2)
     changed = respond(plants().at(speed), acting) * 1e6
-    calm = np.cumsum(rng.normal(size=(9, STEPS + 1)) * 1e5, axis=1) + 8e6
+    calm = np.cumsum(rng.normal(size=(10, STEPS + 1)) * 1e5, axis=1) + 8e6
     outputs = calm + changed
     outputs[5] = 4e6 + 1e-3 * calm[5] + changed[5]
     angles = azimuth + 2.0 * np.pi / 3.0 * np.arange(3)[:, None]
@@ -108,9 +108,9 @@ def simulated(acting, speed, individual=None, gain=1.0):
         share=share(),
         flap=outputs[0] + outputs[1] * np.cos(angles) + outputs[2] * np.sin(angles),
         edge=outputs[6] + outputs[7] * np.cos(angles) + outputs[8] * np.sin(angles),
-        pitch=0.2 + np.concatenate([np.zeros((3, 1)), moved], axis=1), tower=outputs[3:5], power=outputs[5],
-        azimuth=azimuth, read_azimuth=azimuth[:-1], read_speed=rotor_speed[:-1], individual=left, lead=0.3,
-        pitch_gain=gain,
+        pitch=0.2 + np.concatenate([np.zeros((3, 1)), moved], axis=1), tower=outputs[3:5], platform=outputs[9:] / 1e6,
+        power=outputs[5], azimuth=azimuth, read_azimuth=azimuth[:-1], read_speed=rotor_speed[:-1], individual=left,
+        lead=0.3, pitch_gain=gain,
     )  # fmt: skip
 
 
@@ -126,7 +126,8 @@ def linearized(episode, actor, washout=None, seen=None, **more):
 
 def own_metrics(episode):
     flap, edge, tower = (tensor(moments / 1e6) for moments in (episode.flap, episode.edge, episode.tower))
-    return load_metrics((flap, edge), tower, tensor(episode.pitch), DT, FULL, 50, EXPONENTS)
+    platform = tensor(episode.platform)
+    return load_metrics((flap, edge), tower, tensor(episode.pitch), DT, FULL, 50, EXPONENTS, platform)
 
 
 @pytest.mark.parametrize(
@@ -163,7 +164,7 @@ def test_the_recorded_policy_costs_what_its_metrics_say():
     expected = (
         0.2 * (own["blade_flap_del"] / 9.0 - 1.0) + 0.15 * (own["tower_fore_aft_del"] / 30.0 - 1.0)
         + 0.05 * (own["tower_side_side_del"] / 10.0 - 1.0) + 0.05 * (own["blade_edge_del"] / 7.0 - 1.0)
-        + 0.1 * (own["pitch_duty_cycle"] - 0.01)
+        + 0.1 * (own["pitch_duty_cycle"] - 0.01) + 0.1 * (recorded.platform[0, 50:].std() / 0.5 - 1.0)
         - (power / 4.0 - 1.0)
     )  # fmt: skip
     assert float(episode.cost(offsets)) == pytest.approx(expected, abs=1e-6)
@@ -335,7 +336,8 @@ def drawn(job, seed, stands=False):
     return RecordedEpisode(
         speed=job.speed, seed=job.seed, dt=0.1, observations=rng.normal(size=(600, 77)).astype(np.float32),
         offsets=inputs, share=np.ones(600), flap=rng.normal(size=(3, 601)), edge=rng.normal(size=(3, 601)),
-        pitch=rng.normal(size=(3, 601)), tower=rng.normal(size=(2, 601)), power=rng.normal(size=601),
+        pitch=rng.normal(size=(3, 601)), tower=rng.normal(size=(2, 601)), platform=np.zeros((0, 601)),
+        power=rng.normal(size=601),
         azimuth=np.arange(601.0), read_azimuth=np.arange(600.0), read_speed=np.ones(600),
         individual=np.ones(600), lead=0.1,
     )  # fmt: skip

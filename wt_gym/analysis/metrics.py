@@ -379,3 +379,5 @@ each: Fingersh, Hand and Laxson, NREL/TP-500-40566). What a drive does counts ov
 baseline: the full use of the pitch drive, day and night, costs a tenth of the turbine. The tasks of the benchmark are
 frozen and hold these numbers in their files.
 """
+FLOATING_COST_WEIGHTS = {**LIFETIME_COST_WEIGHTS, "platform_pitch_std": 0.1}
+"""The same with the pitch of a floating platform, which wears lines and cable: half as much as the tower."""

@@ -42,7 +42,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         parser, "turbine", "site", "fidelity",
         wind_speed={"help": "winds of the designs [m/s] (default: 1.05, 1.32, 1.58 times rated)"},
     )  # fmt: skip
-    add_record(parser, LinearDesignTask, "seeds", "base", "excited", "duration")
+    add_record(parser, LinearDesignTask, "seeds", "base", "excited", "duration", "waves")
     degrees = partial(parser.add_argument, type=float, metavar="DEG")
     degrees("--excitation", nargs=2, metavar=("MEAN", "TILT_YAW"), help="largest drawn offsets, deg (default: 0.2 0.6)")
     degrees("--limit", help="largest offset, deg (default: what the pitch drives can follow at rated speed, at most 4)")
@@ -65,16 +65,16 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from wt_gym.base.files import require_writable
     from wt_gym.control.controllers.linear_optimal import default_limits, save_design
     from wt_gym.learning.linear_design import default_speeds, design
-    from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask
+    from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask, design_task
     from wt_gym.learning.recording import Recording, RecordingStore
 
     out: Path = arguments.out
     turbine = turbine_of(arguments)
     limits: dict[str, Any] = dict(zip(("limit", "rate_limit"), default_limits(turbine), strict=True))
     angles = {name: getattr(arguments, name) for name in ("limit", "rate_limit", "fade")}
-    task = LinearDesignTask(
-        speeds=tuple(arguments.wind_speed or default_speeds(turbine)), fidelity=arguments.fidelity,
-        feedback=FeedbackOptions(**chosen_options(arguments, FeedbackOptions)),
+    task = design_task(
+        turbine, speeds=tuple(arguments.wind_speed or default_speeds(turbine)), fidelity=arguments.fidelity,
+        feedback=chosen_options(arguments, FeedbackOptions),
         **(limits | {name: math.radians(value) for name, value in angles.items() if value is not None}),
         **chosen_options(arguments, LinearDesignTask),
     )  # fmt: skip

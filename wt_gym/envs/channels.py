@@ -15,7 +15,7 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.quantities import GRAVITY
 from wt_gym.control import Channel, NacelleAnemometer, torque_curve
 from wt_gym.control.controllers.additions import yaw_drive_of
-from wt_gym.control.controllers.linear_optimal import OUTPUTS, LinearOptimalPitch, linear_part
+from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part
 from wt_gym.control.controllers.supervisor import STATES, supervisor_of
 from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.control.sensors import FIXED_FRAME, to_fixed_frame
@@ -544,7 +544,7 @@ class Observable:
         rows: list[tuple[Any, ...]] = [
             (f"disturbance_{name}_{k + 1}", "-", 0.0, scale, -20.0, 20.0, 0.0,
              f"disturbance of {name}, over its scale, {about}")
-            for name in OUTPUTS for k, (scale, about) in enumerate(self._disturbed_bins())
+            for name in design.outputs for k, (scale, about) in enumerate(self._disturbed_bins())
         ]  # fmt: skip
         limit, row = 10.0 * design.limit, (0.0, math.radians(1.0))
         rows += [(f"linear_pitch_{name}", "rad", *row, -limit, limit, 0.0, f"{name} {text}") for name in FIXED_FRAME]
@@ -577,26 +577,27 @@ class Observable:
         design, natural = self._linear.design, self._linear.natural
         rows: list[tuple[Any, ...]] = [
             (f"response_{name}", "-", 0.0, 1.0, -20.0, 20.0, 0.0, f"what offsets did to {name}, over its scale")
-            for name in OUTPUTS
+            for name in design.outputs
         ]
         for power, unit, what in ((1, "m/s", "velocity"), (2, "m", "displacement")):
             for k, axis in enumerate(("fore_aft", "side_side")):
                 scale = float(design.scale[3 + k] / natural[k] ** power)
                 text = f"{what} of the tower top, {axis.replace('_', '-')}, from accelerations"
                 rows.append((f"tower_{what}_{axis}", unit, 0.0, scale, -20.0 * scale, 20.0 * scale, 0.0, text))
-        first = len(OUTPUTS) * (len(self._linear.bins) + 2) + len(FIXED_FRAME) + 2
+        first = len(design.outputs) * (len(self._linear.bins) + 2) + len(FIXED_FRAME) + 2
         return [self._computed(_disturbances, *row, index=k) for k, row in enumerate(rows, start=first)]
 
     def _model_fit(self) -> list[Observed]:
         """Fit of the model of the linear optimal pitch, where readings are late, drives slow or gauges dead."""
         if not isinstance(self._linear, LinearOptimalPitch):
             return []
-        first = len(OUTPUTS) * len(self._linear.bins) + len(FIXED_FRAME) + 2
+        outputs = self._linear.design.outputs
+        first = len(outputs) * len(self._linear.bins) + len(FIXED_FRAME) + 2
         rows = [
             (f"model_{part}_{name}", unit, middle, scale, -limit, limit, 0.0,
              f"{part} that the model of {name} leaves out")
             for part, unit, middle, scale, limit in (("gain", "-", -0.7, 0.5, 20.0), ("lag", "s", 0.1, 0.1, 10.0))
-            for name in OUTPUTS
+            for name in outputs
         ]  # fmt: skip
         return [self._computed(_disturbances, *row, index=k) for k, row in enumerate(rows, start=first)]
 

@@ -27,6 +27,8 @@ MISALIGNMENT = "misalignment"
 """Key of the range of directions beside the fields of `SeaState`."""
 SHORTEST = 600.0
 """Time within which no sea repeats [s]: episodes are shorter, slow drift is not."""
+LONGEST = 3600.0
+"""Time after which the sea of an episode without end repeats [s]."""
 
 
 @dataclass(frozen=True)
@@ -129,8 +131,9 @@ class SeaTerm(Term):
         choice = self._choice if given is None else SeaChoice.of(given)
         state = self._state(choice, float(request.wind.wind_speed))
         turn = own.uniform(-1.0, 1.0) * choice.misalignment
+        length = min(request.length or 0.0, LONGEST)
         state = replace(state, direction=math.remainder(state.direction + turn, 2.0 * math.pi),
-                        duration=max(state.duration, request.length or 0.0, SHORTEST))  # fmt: skip
+                        duration=max(state.duration, length, SHORTEST))  # fmt: skip
         floater = self._turbine.floater
         assert floater is not None  # or the term is off
         request.drawn["sea"] = EpisodeSea(state.components(own, floater.water_depth), state)

@@ -25,12 +25,12 @@ from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equiv
 from wt_gym.analysis.results import Wind
 from wt_gym.analysis.statistics import relative_change
 from wt_gym.control.controllers import linear_optimal, make_controller
-from wt_gym.control.controllers.linear_optimal import OUTPUTS, LinearDesign, PitchOffsets, offset_fade
+from wt_gym.control.controllers.linear_optimal import FLOATING_OUTPUTS, OUTPUTS, LinearDesign, PitchOffsets, offset_fade
 from wt_gym.experiment.execute import SerialExecutor
 from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.learning import recording
-from wt_gym.learning.options import FeedbackOptions, LinearDesignTask
-from wt_gym.learning.recording import LOADS, POWER, TOWER, Recording, RecordingStore, respond, to_blades, without_slow
+from wt_gym.learning.options import FeedbackOptions, LinearDesignTask, design_task
+from wt_gym.learning.recording import FLOATING_LOADS, LOADS, Recording, RecordingStore, respond, to_blades, without_slow
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
@@ -42,11 +42,11 @@ if TYPE_CHECKING:
     from wt_gym.turbines import Turbine
 
 
-_MEAN_READS, _TILT_YAW_READS = (0, 3, 5), (1, 2, 4)
-"""Places in `OUTPUTS` of what the mean offset, and tilt and yaw, answer."""
-_LASTING = (1, 2)
+_MEAN_READS, _TILT_YAW_READS = (0, 3, 5, 6, 8), (1, 2, 4, 7)
+"""Places in `FLOATING_OUTPUTS` of what the mean offset, and tilt and yaw, answer."""
+_LASTING = (1, 2, 6, 7, 8)
 """Outputs whose lasting part is answered: static tilt and yaw of the loads cost fatigue, and no integrator undoes these
-offsets."""
+offsets; rates of a platform and waves have none."""
 
 
 @dataclass(frozen=True)
@@ -54,15 +54,36 @@ class Plant:
     """Model of a turbine under a base controller about one wind speed."""
 
     responses: NDArray[np.float64]
-    """Of `OUTPUTS` and `LOADS` to offsets [unit/rad]. Shape (9, 3, n_taps)."""
+    """Of outputs and loads of a `Recording` to offsets [unit/rad]. Shape (n_out + n_loads, 3, n_taps)."""
     scale: NDArray[np.float64]
-    """Standard deviations of the outputs. Shape (6,)."""
+    """Standard deviations of the outputs that are read. Shape (n_out,)."""
     power_curvature: float
     """Share of power that offsets take by the mean of their square [1/rad^2]."""
     lead: float
     """Time from an offset to the pitch [s]."""
     dt: float
     """[s]."""
+
+    @property
+    def tower(self) -> slice:
+        """Places of the tower in the responses."""
+        return slice(len(self.scale), len(self.scale) + 2)
+
+    @property
+    def power(self) -> int:
+        """Place of the power."""
+        return len(self.scale) + LOADS.index("power")
+
+    @property
+    def platform(self) -> slice:
+        """Place of the pitch of a platform; empty on land."""
+        return slice(self.power + 1, None)
+
+    @property
+    def reads(self) -> tuple[tuple[int, ...], ...]:
+        """Places of the outputs that mean, tilt and yaw answer."""
+        mean, turning = (tuple(k for k in of if k < len(self.scale)) for of in (_MEAN_READS, _TILT_YAW_READS))
+        return mean, turning, turning
 
     def pitch_azimuth(self, run: Recording) -> NDArray[np.float64]:
         """Azimuth (n,) at which offsets reach the blades in a recorded run [rad]."""
@@ -80,6 +101,8 @@ class Forecast:
     """Fore-aft and side-side moment at the base [N m]. Shape (2, n + 1)."""
     power: float
     """Mean [W]."""
+    platform: Sequence[NDArray[np.float64]] | NDArray[np.float64] = ()
+    """Pitch of a platform [rad]. Shape (1, n + 1), on land nothing."""
 
     def metrics(self, dt: float, full_rate: float, skip: float) -> dict[str, float]:
         """Metrics of the lifetime cost, without what lies in the first ``skip`` [s]; ``full_rate`` [rad/s]."""
@@ -95,6 +118,7 @@ class Forecast:
             "tower_fore_aft_del": load(self.tower[0], TOWER_EXPONENT),
             "tower_side_side_del": load(self.tower[1], TOWER_EXPONENT),
             "pitch_duty_cycle": float(np.abs(np.diff(self.pitch[:, start:])).mean() / dt / full_rate),
+            **({"platform_pitch_std": float(self.platform[0][start:].std())} if len(self.platform) else {}),
         }
 
 
@@ -115,6 +139,7 @@ class _Columns(NamedTuple):
     rate: NDArray[np.float64]
     offsets: NDArray[np.float64]
     power: NDArray[np.float64]
+    platform: NDArray[np.float64]
 
 
 def minimize_quadratic(
@@ -140,11 +165,11 @@ def _features(run: Recording, plant: Plant, options: FeedbackOptions) -> tuple[N
     bins = linear_optimal.delay_bins(options.longest, plant.dt)
     past = [
         row if k in _LASTING else linear_optimal.without_lasting(row, options.washout, plant.dt)
-        for k, row in enumerate(run.outputs[:, :-1] / plant.scale[:, None])
+        for k, row in enumerate(run.outputs[: len(plant.scale), :-1] / plant.scale[:, None])
     ]
     mean, turning = (
         run.share * np.concatenate([linear_optimal.bin_means(past[k], bins) for k in reads])
-        for reads in (_MEAN_READS, _TILT_YAW_READS)
+        for reads in plant.reads[:2]
     )
     return mean, turning, turning
 
@@ -159,8 +184,9 @@ def forecast(run: Recording, plant: Plant, offsets: NDArray[np.float64]) -> Fore
     return Forecast(
         flap=run.flap + to_blades(changed[:3], run.azimuth, n_blades),
         pitch=pitch,
-        tower=run.loads[:2] + changed[list(TOWER)],
-        power=float((run.loads[2] + changed[POWER]).mean()) - taken * float(run.loads[2].mean()),
+        tower=run.loads[:2] + changed[plant.tower],
+        power=float((run.loads[2] + changed[plant.power]).mean()) - taken * float(run.loads[2].mean()),
+        platform=run.loads[3:] + changed[plant.platform],
     )
 
 
@@ -178,11 +204,12 @@ def _columns(run: Recording, plant: Plant, options: FeedbackOptions) -> _Columns
         rate = np.diff(to_blades(offsets, azimuth, n_blades), axis=-1, prepend=0.0) / plant.dt
         parts.append(_Columns(
             without_slow(to_blades(changed[:, :3], run.azimuth[1:], n_blades), length),
-            without_slow(changed[:, list(TOWER)], length),
+            without_slow(changed[:, plant.tower], length),
             changed[:, OUTPUTS.index("rotor_speed")],
             rate,
             offsets,
-            changed[:, POWER].mean(-1) / run.loads[2].mean(),
+            changed[:, plant.power].mean(-1) / run.loads[2].mean(),
+            changed[:, plant.platform],
         ))  # fmt: skip
     return _Columns(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
@@ -230,6 +257,12 @@ def _rows(
     rate_now = np.abs(np.diff(now.pitch, axis=1)) / dt
     travel = options.travel_weight * weights.get("pitch_duty_cycle", 0.0) / full / (n_blades * samples)
     rate = np.sqrt(0.5 * travel * counts / (rate_now + options.still))
+    swing, swing_there = (
+        series[:, 1:] - np.average(series[:, 1:], axis=1, weights=counts)[:, None]
+        for series in (run.loads[3:], np.asarray(now.platform))
+    )
+    before, size = ((counts * series**2).sum(1) for series in (swing, swing_there))
+    platform = np.sqrt(0.5 * weights.get("platform_pitch_std", 0.0) / np.sqrt(before * size))[:, None] * counts
     speed = np.sqrt(options.speed_weight * counts / samples) / turbine.drivetrain.rated_rotor_speed
     power = -weights.get("captured_power", 0.0) * options.power_weight * plant.power_curvature
     sizes = np.sqrt((np.array([options.mean_weight] + [options.tilt_yaw_weight] * 2) + power) / run.steps)
@@ -239,6 +272,7 @@ def _rows(
         (columns.speed * speed, np.zeros(run.steps)),
         (columns.rate * rate, rate * rate_there),
         (columns.offsets * sizes[:, None], np.zeros(3 * run.steps)),
+        (columns.platform * platform, platform * swing),
     ]
     added = np.concatenate([block.reshape(len(block), -1) for block, _ in blocks], axis=1)
     return added, np.concatenate([target.ravel() for _, target in blocks])
@@ -249,7 +283,7 @@ def fit_feedback(
 ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Fit a feedback to runs without offsets.
 
-    Return gains (3, 6, n_delays) as of `LinearDesign`, and the offsets (3, n) of each run [rad], without limits.
+    Return gains (3, n_out, n_delays) as of `LinearDesign`, and the offsets (3, n) of each run [rad], without limits.
     """
     features = [_features(run, plant, options) for run in runs]
     columns = [_columns(run, plant, options) for run in runs]
@@ -266,10 +300,8 @@ def fit_feedback(
         of_each = np.split(found, parts)
         offsets = [np.stack([c @ f for c, f in zip(of_each, own, strict=True)]) for own in features]
     bins = linear_optimal.delay_bins(options.longest, plant.dt)
-    gains = np.zeros((3, len(OUTPUTS), bins[-1][1]))
-    for j, (reads, own) in enumerate(
-        zip((_MEAN_READS, _TILT_YAW_READS, _TILT_YAW_READS), np.split(found, parts), strict=True)
-    ):
+    gains = np.zeros((3, len(plant.scale), bins[-1][1]))
+    for j, (reads, own) in enumerate(zip(plant.reads, np.split(found, parts), strict=True)):
         for k, part in zip(reads, np.split(own, len(reads)), strict=True):
             gains[j, k] = linear_optimal.spread_over_bins(part, bins)
     return gains, offsets
@@ -300,6 +332,7 @@ def definition(task: LinearDesignTask, turbine: Turbine, run: tuple[float, int, 
         "wind": {"speed": speed, "seed": seed},
         "duration": task.duration,
         "fade": asdict(offset_fade(task.fade, task.fine_speed)),
+        **({} if turbine.floater is None else {"sea": "of the wind", "misalignment": recording.MISALIGNMENT}),
         "excitation": asdict(task.excitation) | {"limit": task.limit, "rate_limit": task.rate_limit}
         if excited
         else None,
@@ -341,6 +374,11 @@ def curvature_of_power(
     return max(lost / power / squares, 0.0)
 
 
+def n_read(task: LinearDesignTask, turbine: Turbine) -> int:
+    """Number of the outputs that a design reads."""
+    return len(OUTPUTS) if turbine.floater is None else len(FLOATING_OUTPUTS) - (not task.waves)
+
+
 def identified_plant(
     task: LinearDesignTask, turbine: Turbine, still: Sequence[Recording], excited: Sequence[Recording]
 ) -> tuple[Plant, NDArray[np.float64]]:
@@ -350,23 +388,24 @@ def identified_plant(
     -------
     plant : Plant
         Fitted to all runs.
-    explained : numpy.ndarray, shape (9,)
-        Share of the mean square of the changes in the last run that a fit to the others explains: `OUTPUTS`, `LOADS`.
+    explained : numpy.ndarray, shape (n_out + n_loads,)
+        Share of the mean square of the changes in the last run that a fit to the others explains: outputs and loads.
         Where it explains less than `_LEAST_EXPLAINED` of power, offsets have no linear effect on it in the plant, and
         all that they take counts by their square, since power is not linear near rated wind.
     """
     dt = still[0].dt
     taps = round(task.memory / dt)
-    inputs = [run.offsets for run in excited]
+    inputs, n = [run.offsets for run in excited], n_read(task, turbine)
+    power = n + LOADS.index("power")
     changes = [
-        np.concatenate([run.outputs - twin.outputs, run.loads - twin.loads])
+        np.concatenate([run.outputs[:n] - twin.outputs[:n], run.loads - twin.loads])
         for run, twin in zip(excited, still, strict=False)
     ]
     responses, explained = recording.identify_and_judge(inputs, changes, taps, task.ridge, task.decay)
     skip = round(task.feedback.skip / dt)
     mean = float(np.mean([run.loads[LOADS.index("power")].mean() for run in still]))
-    curvature = curvature_of_power(responses, POWER, explained[POWER], inputs, changes, mean)
-    scale = np.mean([run.outputs[:, skip:].std(1) for run in still], axis=0)
+    curvature = curvature_of_power(responses, power, explained[power], inputs, changes, mean)
+    scale = np.mean([run.outputs[:n, skip:].std(1) for run in still], axis=0)
     return Plant(responses, scale, curvature, pitch_delay(turbine.pitch, dt), dt), explained
 
 
@@ -397,7 +436,7 @@ def design(
     """
     if task is None:
         limit, rate_limit = linear_optimal.default_limits(turbine)
-        task = LinearDesignTask(default_speeds(turbine), limit=limit, rate_limit=rate_limit)
+        task = design_task(turbine, speeds=default_speeds(turbine), limit=limit, rate_limit=rate_limit)
     executor = SerialExecutor() if executor is None else executor
     make_controller(task.base, turbine)  # refuses a name before anything runs
     say = progress or (lambda _: None)
@@ -422,7 +461,7 @@ def design(
         loads=np.stack([part["loads"] for part in parts]),
         gains=np.stack([part["gains"] * (scale / part["scale"])[:, None] for part in parts]),
         scale=scale,
-        washout=np.array([0.0 if k in (1, 2) else task.feedback.washout for k in range(len(OUTPUTS))]),
+        washout=np.array([0.0 if k in _LASTING else task.feedback.washout for k in range(len(scale))]),
         interval=found[task.runs[0]].dt,
         limit=task.limit,
         rate_limit=task.rate_limit,
@@ -471,7 +510,8 @@ def _at_speed(
             "least_power, or let offsets act less at fine pitch (fade, fine_speed)"
         )
     cost = float(np.mean([forecast_change(a, b, task.feedback.weights) for a, b in pairs]))
-    shares = dict(zip((*OUTPUTS, *LOADS), np.round(explained, 4).tolist(), strict=True))
+    names = (*FLOATING_OUTPUTS[: len(plant.scale)], *FLOATING_LOADS)
+    shares = dict(zip(names, np.round(explained, 4).tolist(), strict=False))
     say(
         f"{speed:g} m/s: explained {', '.join(f'{name} {share:.2f}' for name, share in shares.items())}; forecast "
         f"cost {100 * cost:+.1f} %, " + ", ".join(f"{name} {100 * value:+.1f} %" for name, value in changes.items())
@@ -480,8 +520,8 @@ def _at_speed(
     return {
         "pitch": float(np.mean([run.pitch[:, start:].mean() for run in still])),
         "scale": plant.scale,
-        "responses": plant.responses[: len(OUTPUTS)],
-        "loads": plant.responses[list(TOWER)],
+        "responses": plant.responses[: len(plant.scale)],
+        "loads": plant.responses[plant.tower],
         "gains": gains,
         "record": {
             "speed": speed,

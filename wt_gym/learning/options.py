@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
+from wt_gym.analysis.metrics import FLOATING_COST_WEIGHTS, LIFETIME_COST_WEIGHTS
 from wt_gym.base.files import json_values
 from wt_gym.base.options import Options, not_empty, option, option_record
 from wt_gym.learning.hyperparameters import ALGORITHMS, check_hyperparameters, hyperparameters_for, replaced
@@ -19,9 +19,11 @@ from wt_gym.tasks import DEFAULT_ENV
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from wt_gym.turbines import Turbine
+
 __all__ = [
     "CONDITION_ARGUMENTS", "DatasetConfig", "Excitation", "FeedbackOptions", "LinearDesignTask", "PretrainingOptions",
-    "TrainingConfig", "pretraining_environment",
+    "TrainingConfig", "design_task", "excitation_of", "pretraining_environment",
 ]  # fmt: skip
 
 CONDITION_ARGUMENTS = ("variation", "sensors", "faults", "simulator")
@@ -405,7 +407,7 @@ class FeedbackOptions(Options):
     skip: float = option("start of each run that does not count", default=20.0, unit="s", low=0)
     weights: Mapping[str, float] = option(
         "weights of the cost, see `wt_gym.analysis.metrics`", default=LIFETIME_COST_WEIGHTS,
-        choices=LIFETIME_COST_WEIGHTS,
+        choices=(*LIFETIME_COST_WEIGHTS, "platform_pitch_std"),
     )  # fmt: skip
 
 
@@ -445,6 +447,8 @@ class LinearDesignTask(Options):
         "power is doubled until it does", default=-0.003, low=-1.0, high=0.0,
     )  # fmt: skip
 
+    waves: bool = option("reading of the elevation of the sea at a floating platform", default=False)
+
     def check(self) -> None:
         """Refuse winds and times without meaning together, and seeds that are not for training."""
         from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
@@ -476,6 +480,30 @@ class LinearDesignTask(Options):
             for k, seed in enumerate(self.seeds)
             for excited in ((False, True) if k < self.excited else (False,))
         ]
+
+
+def excitation_of(turbine: Turbine) -> Excitation:
+    """Drawn offsets for a turbine: longer levels of the mean move a floating platform."""
+    return Excitation() if turbine.floater is None else Excitation(math.radians(0.2), longest=12.0)
+
+
+def design_task(turbine: Turbine, feedback: Mapping[str, Any] | None = None, **options: Any) -> LinearDesignTask:
+    """Task of a design with options of `LinearDesignTask` and `FeedbackOptions`.
+
+    On a floating turbine the defaults hold a period of the platform, and the cost has the motion of the platform.
+    """
+    own: dict[str, Any] = {}
+    of_feedback: dict[str, Any] = {}
+    if turbine.floater is not None:
+        own = {"memory": 60.0, "duration": 600.0, "excitation": excitation_of(turbine)}
+        of_feedback = {
+            "longest": 60.0,
+            "washout": 60.0,
+            "smooth": 120.0,
+            "skip": 60.0,
+            "weights": FLOATING_COST_WEIGHTS,
+        }
+    return LinearDesignTask(**own | options, feedback=FeedbackOptions(**of_feedback | dict(feedback or {})))
 
 
 @option_record

@@ -30,7 +30,7 @@ from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.experiment.store import described
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning import pretraining_episodes
-from wt_gym.learning.options import Excitation
+from wt_gym.learning.options import excitation_of
 from wt_gym.learning.pretraining_episodes import Actor, EpisodeJob, LinearizedEpisode, Plants, RecordedEpisode
 from wt_gym.learning.recording import RecordingStore, identify, identify_and_judge
 
@@ -383,7 +383,7 @@ class _Work:
         spans = env.operation.action.pitch_high
         drawn = [
             pretraining_episodes.PlayedActions(
-                (Excitation().draw(steps, env.control_dt, seed) / spans[:, None]).clip(-1.0, 1.0).T
+                (excitation_of(env.turbine).draw(steps, env.control_dt, seed) / spans[:, None]).clip(-1.0, 1.0).T
             )
             for _, seed in winds
         ]
@@ -413,7 +413,7 @@ class _Work:
                     "nothing: give wind_speed a lower upper end, or leave the condition out"
                 )
             found, shares = identify_and_judge(inputs, changes, taps, options.ridge, options.decay)
-            explained[v] = dict(zip(pretraining_episodes.OUTPUTS, np.round(shares, 3).tolist(), strict=True))
+            explained[v] = dict(zip(pretraining_episodes.OUTPUTS, np.round(shares, 3).tolist(), strict=False))
             responses.append(found)
             if condition:
                 outputs = [(a.observations - b.observations).T.astype(float) for a, b in pairs]
@@ -428,10 +428,10 @@ class _Work:
     def _published(self, run: RecordedEpisode) -> dict[str, float]:
         """Metrics of the published controller [MN m, MW]."""
         skip = round(self._options.skip / run.dt)
-        series = (run.flap / 1e6, run.edge / 1e6, run.tower / 1e6, run.pitch)
-        flap, edge, tower, pitch = map(pretraining_episodes.tensor, series)
+        series = (run.flap / 1e6, run.edge / 1e6, run.tower / 1e6, run.pitch, run.platform)
+        flap, edge, tower, pitch, platform = map(pretraining_episodes.tensor, series)
         full_rate = self.env.turbine.pitch.max_rate
-        found = pretraining_episodes.load_metrics((flap, edge), tower, pitch, run.dt, full_rate, skip, _MAIN)
+        found = pretraining_episodes.load_metrics((flap, edge), tower, pitch, run.dt, full_rate, skip, _MAIN, platform)
         power = np.minimum(run.power, self.env.turbine.drivetrain.rated_power)[skip:].mean() / 1e6
         return {name: float(value) for name, value in found.items()} | {"captured_power": float(power)}
 

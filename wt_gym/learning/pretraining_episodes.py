@@ -28,7 +28,7 @@ import numba
 import numpy as np
 import torch
 
-from wt_gym.analysis.metrics import BLADE_EXPONENT, LIFETIME_COST_WEIGHTS, TOWER_EXPONENT
+from wt_gym.analysis.metrics import BLADE_EXPONENT, FLOATING_COST_WEIGHTS, TOWER_EXPONENT
 from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, linear_part, series_in_fixed_frame, side_sign
@@ -39,6 +39,7 @@ from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.run import EpisodePlayer
 from wt_gym.learning.options import without_observer
+from wt_gym.learning.recording import floating_loads
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 
 if TYPE_CHECKING:
@@ -76,6 +77,8 @@ class RecordedEpisode:
     """flap, edge, pitch: root moments [N m], pitch [rad]. Shape (n_blades, n + 1)."""
     tower: NDArray[np.float64]
     """Fore-aft and side-side moment at the base [N m]. Shape (2, n + 1)."""
+    platform: NDArray[np.float64]
+    """Pitch of a floating platform about the axis across the nacelle [rad]. Shape (1, n + 1), on land (0, n + 1)."""
     power: NDArray[np.float64]
     """Of the generator [W]. Shape (n + 1,)."""
     azimuth: NDArray[np.float64]
@@ -251,6 +254,7 @@ def record_episode(job: EpisodeJob) -> RecordedEpisode:
         edge=np.stack([series(f"root_edge_moment_{b}") for b in blades]),
         pitch=np.stack([series(f"pitch_{b}") for b in blades]),
         tower=np.stack([series("tower_base_fore_aft_moment"), sign * series("tower_base_side_side_moment")]),
+        platform=floating_loads(data, plain.turbine),
         power=series("generator_power"),
         azimuth=series("azimuth"),
         read_azimuth=frame[:, 0],
@@ -318,24 +322,26 @@ def damage_equivalent_load(signal: torch.Tensor, duration: float, exponent: floa
 
 OUTPUTS = (
     "flap_mean", "flap_tilt", "flap_yaw", "tower_fore_aft", "tower_side_side", "power", "edge_mean", "edge_tilt",
-    "edge_yaw",
+    "edge_yaw", "platform_pitch",
 )  # fmt: skip
-"""What impulse responses give [MN m, MW]."""
+"""What impulse responses give [MN m, MW], on a floating turbine the last too [rad]."""
 
 _MEGA = 1e6
 _LOOPS = 2
 """Picard iterations of the loop from offsets over observations to offsets."""
 _DIALED = {
     "blade_flap_del": "fatigue", "blade_edge_del": "fatigue", "tower_fore_aft_del": "fatigue",
-    "tower_side_side_del": "fatigue", "captured_power": "power", "pitch_duty_cycle": "travel",
+    "tower_side_side_del": "fatigue", "platform_pitch_std": "fatigue", "captured_power": "power",
+    "pitch_duty_cycle": "travel",
 }  # fmt: skip
 """What of a dial weighs a metric."""
 
 
 def plant_outputs(episode: RecordedEpisode) -> NDArray[np.float64]:
-    """`OUTPUTS` (9, n + 1) of an episode."""
+    """`OUTPUTS` of an episode, (9, n + 1) on land."""
     flap, edge = (series_in_fixed_frame(moments, episode.azimuth) for moments in (episode.flap, episode.edge))
-    return np.stack([*flap, *episode.tower, episode.power, *edge]) / _MEGA
+    loads = np.stack([*flap, *episode.tower, episode.power, *edge]) / _MEGA
+    return np.concatenate([loads, episode.platform])
 
 
 class Plants:
@@ -417,13 +423,13 @@ def _low_pass(series: torch.Tensor, time_constant: float, dt: float) -> torch.Te
 
 def load_metrics(
     blades: tuple[torch.Tensor, torch.Tensor], tower: torch.Tensor, pitch: torch.Tensor, dt: float, full_rate: float,
-    skip: int, exponents: tuple[float, float],
+    skip: int, exponents: tuple[float, float], platform: torch.Tensor,
 ) -> dict[str, torch.Tensor]:  # fmt: skip
     """Metrics of the lifetime cost [MN m], of all blades alike.
 
     Of flapwise and edgewise moments [MN m] and pitch [rad] (n_blades, n + 1) and tower moments (2, n + 1) [MN m],
     sampled every ``dt`` [s]; the full rate of the pitch is in rad/s, ``skip`` samples at the start do not count, and
-    the exponents are those of blades and tower.
+    the exponents are those of blades and tower. The pitch of a platform (1, n + 1) is in rad; on land (0, n + 1).
     """
     time = (pitch.shape[1] - skip) * dt
     flap, edge = (
@@ -437,6 +443,7 @@ def load_metrics(
         "tower_fore_aft_del": aft,
         "tower_side_side_del": side,
         "pitch_duty_cycle": pitch[:, skip:].diff(dim=1).abs().mean() / dt / full_rate,
+        **({"platform_pitch_std": platform[0, skip:].std(correction=0)} if len(platform) else {}),
     }
 
 
@@ -476,7 +483,7 @@ class LinearizedEpisode:
         self._pitch_cos, self._pitch_sin = tensor(np.cos(ahead)), tensor(np.sin(ahead))
         self._flap_cos, self._flap_sin = tensor(np.cos(still)), tensor(np.sin(still))
         self._flap, self._edge = tensor(episode.flap / _MEGA), tensor(episode.edge / _MEGA)
-        self._tower = tensor(episode.tower / _MEGA)
+        self._tower, self._platform = tensor(episode.tower / _MEGA), tensor(episode.platform)
         self._pitch = tensor(episode.pitch)
         power = np.minimum(episode.power, limits.rated_power)
         self._power = float(power[self._skip :].mean()) / _MEGA
@@ -513,7 +520,8 @@ class LinearizedEpisode:
         moved = self._gain * (more[0] + more[1] * self._pitch_cos + more[2] * self._pitch_sin)
         pitch = torch.cat([self._pitch[:, :1], self._pitch[:, 1:] + moved], 1)
         full_rate, tower = self._limits.full_rate, self._tower + changed[3:5]
-        found = load_metrics((flap, edge), tower, pitch, self._dt, full_rate, self._skip, exponents)
+        platform = self._platform + changed[9:]
+        found = load_metrics((flap, edge), tower, pitch, self._dt, full_rate, self._skip, exponents, platform)
         found["captured_power"] = self._power + changed[5, self._skip :].mean().clamp(max=0.0)
         return found
 
@@ -553,7 +561,7 @@ class LinearizedEpisode:
         for name, value in now.items():
             before = self._baseline[name]
             size = 1.0 if name == "pitch_duty_cycle" else before
-            part = LIFETIME_COST_WEIGHTS[name] * (value - before) / size
+            part = FLOATING_COST_WEIGHTS[name] * (value - before) / size
             total = total + (part if dial is None else dial[DIAL_NAMES.index(_DIALED[name])] * part)
         return total, travel
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import zipfile
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -17,7 +17,15 @@ from wt_gym.base.canary import differing
 from wt_gym.base.files import whole_file
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.controller import Combined, parts_of
-from wt_gym.control.controllers.linear_optimal import PitchOffsets, recorded_outputs, side_sign
+from wt_gym.control.controllers.linear_optimal import (
+    FLOATING_OUTPUTS,
+    OUTPUTS,
+    PitchOffsets,
+    in_nacelle_axes,
+    recorded_outputs,
+    side_sign,
+)
+from wt_gym.envs.sea import sea_of_wind
 from wt_gym.experiment.comparison import inflow_of
 from wt_gym.experiment.run import run_controller
 from wt_gym.experiment.store import run_digest
@@ -32,12 +40,17 @@ if TYPE_CHECKING:
 
     from wt_gym.control.actions import Demand
     from wt_gym.control.controllers.controller import Readings
+    from wt_gym.hydrodynamics.waves import WaveComponents
     from wt_gym.turbines import Turbine
 
 
 _R = TypeVar("_R")
+MISALIGNMENT, LONGEST_SEA = math.radians(30.0), 1200.0
+"""Largest angle between wind and waves of a recording [rad], and time within which its waves do not repeat [s]."""
 LOADS = ("tower_fore_aft", "tower_side_side", "power")
 """Loads that a controller does not read [N m], and the power of the generator [W]."""
+FLOATING_LOADS = (*LOADS, "platform_pitch")
+"""Those of a floating turbine, with the pitch of the platform about the axis across the nacelle [rad]."""
 
 
 class DrawnOffsets:
@@ -73,9 +86,9 @@ class Recording:
     dt: float
     """[s]."""
     outputs: NDArray[np.float64]
-    """`OUTPUTS` of `wt_gym.control.controllers.linear_optimal`. Shape (6, n + 1)."""
+    """`OUTPUTS` of `wt_gym.control.controllers.linear_optimal`, or `FLOATING_OUTPUTS`. Shape (n_out, n + 1)."""
     loads: NDArray[np.float64]
-    """`LOADS`. Shape (3, n + 1)."""
+    """`LOADS` or `FLOATING_LOADS`. Shape (n_loads, n + 1)."""
     flap: NDArray[np.float64]
     edge: NDArray[np.float64]
     pitch: NDArray[np.float64]
@@ -97,18 +110,20 @@ class Recording:
         share: NDArray[np.float64],
     ) -> Recording:
         """Recording of signals (n + 1,) by name."""
-        sign = side_sign(turbine)
+        sign, floats = side_sign(turbine), turbine.floater is not None
+        n_outputs = len(FLOATING_OUTPUTS if floats else OUTPUTS)
 
         def of_blades(name: str) -> NDArray[np.float64]:
             return np.stack([channels[f"{name}_{b + 1}"] for b in range(turbine.n_blades)])
 
         return cls(
             dt=dt,
-            outputs=recorded_outputs(channels, turbine.n_blades, sign),
+            outputs=recorded_outputs(channels, turbine.n_blades, sign, n_outputs),
             loads=np.stack([
                 channels["tower_base_fore_aft_moment"],
                 sign * channels["tower_base_side_side_moment"],
                 channels["generator_power"],
+                *floating_loads(channels, turbine),
             ]),
             flap=of_blades("root_flap_moment"),
             edge=of_blades("root_edge_moment"),
@@ -191,6 +206,7 @@ def record(
         Distribution and seed of drawn offsets; by default there are none.
     """
     simulator = Simulator(turbine, inflow_of(turbine, wind), fidelity)
+    simulator.sea = sea_of_training(turbine, wind)
     levels = np.zeros((3, 0))
     if drawn is not None:
         levels = drawn[0].draw(round(duration / simulator.time_step), simulator.time_step, drawn[1])
@@ -201,6 +217,22 @@ def record(
     return Recording.of_channels(
         channels, turbine, simulator.time_step, np.array(played.acting).T, np.array(played.share)
     )
+
+
+def floating_loads(channels: Any, turbine: Turbine) -> NDArray[np.float64]:
+    """Pitch of a platform about the axis across the nacelle [rad], (1, n) of channels (n,) by name; on land (0, n)."""
+    if turbine.floater is None:
+        return np.zeros((0, len(channels["azimuth"])))
+    return np.asarray(in_nacelle_axes(channels, "", side_sign(turbine))[0], dtype=float)[None]
+
+
+def sea_of_training(turbine: Turbine, wind: Wind) -> WaveComponents | None:
+    """Sea that belongs to a wind with a seed, from ahead or up to `MISALIGNMENT` aside; None on land."""
+    if turbine.floater is None:
+        return None
+    rng = np.random.default_rng(wind.seed)
+    state = replace(sea_of_wind(wind.speed), direction=rng.uniform(-MISALIGNMENT, MISALIGNMENT), duration=LONGEST_SEA)
+    return state.components(rng, turbine.floater.water_depth)
 
 
 def respond(responses: NDArray[np.float64], inputs: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -293,11 +325,6 @@ def identify_and_judge(
     """Responses as of `identify`, fitted to all runs, and shares of the last run that a fit to the others explains."""
     trial = identify(inputs[:-1], changes[:-1], taps, ridge, decay)
     return identify(inputs, changes, taps, ridge, decay), explained_share(trial, inputs[-1:], changes[-1:])
-
-
-TOWER = (6, 7)
-POWER = 8
-"""Places of `LOADS` behind the six outputs in the responses of a plant."""
 
 
 def to_blades(values: NDArray[np.float64], azimuth: NDArray[np.float64], n_blades: int) -> NDArray[np.float64]:

@@ -6,8 +6,9 @@ long as the model holds, and its coefficients follow from least squares (Youla, 
 Control 21 (1976) 319; system-level synthesis: Anderson et al., Annu. Rev. Control 47 (2019) 364). The designs come from
 ``wt-gym design linear_optimal``.
 
-*Readings* are six quantities in the fixed frame that any turbine's bus can carry (`OUTPUTS`). *Designs* are files of
-plain arrays with the record of their making, no pickled objects (`LinearDesign`).
+*Readings* are six quantities in the fixed frame that any turbine's bus can carry (`OUTPUTS`), on a floating turbine
+rates of the platform too. *Designs* are files of plain arrays with the record of their making, no pickled objects
+(`LinearDesign`).
 
 *Fit of the model* (`ModelFit`): a model explains y(t) of what is measured, and the disturbance d is the rest. If the
 turbine answers 1 + g times as strongly and tau later, the part of the controller's own effect that is left is
@@ -58,13 +59,17 @@ if TYPE_CHECKING:
 
 OUTPUTS = ("flap_mean", "flap_tilt", "flap_yaw", "acceleration_fore_aft", "acceleration_side_side", "rotor_speed")
 """Flapwise root moments [N m], accelerations of the nacelle [m/s^2] and rotor speed [rad/s]."""
+FLOATING_OUTPUTS = (*OUTPUTS, "platform_pitch_rate", "platform_roll_rate", "wave_elevation")
+"""Those of a floating turbine: rates of the platform about the axes of the nacelle [rad/s], elevation of the sea at the
+platform [m]. A design has `OUTPUTS`, all but the last of these, or all."""
 
 _SINGLE = ("azimuth", "nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side", "rotor_speed")
 
 
-def channels_read(n_blades: int) -> tuple[str, ...]:
-    """Names of the signals from which `OUTPUTS` follow."""
-    return (*_SINGLE, *_moments(n_blades))
+def channels_read(n_blades: int, n_outputs: int = len(OUTPUTS)) -> tuple[str, ...]:
+    """Names of the signals from which the first of `FLOATING_OUTPUTS` follow."""
+    more = FLOATING_OUTPUTS[len(OUTPUTS) : n_outputs]
+    return (*_SINGLE, *_moments(n_blades), *more, *(("yaw",) if more else ()))
 
 
 @lru_cache
@@ -78,13 +83,23 @@ def side_sign(turbine: Turbine) -> float:
 
 
 def measured_outputs(signals: Readings, n_blades: int, sign: float, out: NDArray[np.float64]) -> None:
-    """Put `OUTPUTS` of one instant into an array (6,); the sign is that of `side_sign`."""
+    """Put as many of `FLOATING_OUTPUTS` of one instant into an array as it has; the sign is that of `side_sign`."""
     moments = [signals[name] for name in _moments(n_blades)]
     aside = sign * signals["nacelle_acceleration_side_side"]
-    out[:] = (
+    out[: len(OUTPUTS)] = (
         sum(moments) / n_blades, *to_harmonic(moments, signals["azimuth"]), signals["nacelle_acceleration_fore_aft"],
         aside, signals["rotor_speed"],
     )  # fmt: skip
+    if (n := len(out)) > len(OUTPUTS):
+        out[6:8] = in_nacelle_axes(signals, "_rate", sign)
+        if n > 8:
+            out[8] = signals["wave_elevation"]
+
+
+def in_nacelle_axes(channels: Mapping[str, Any] | Readings, what: str, sign: float) -> tuple[Any, Any]:
+    """Pitch and roll of a platform, or their rates with "_rate", about the axes of the nacelle, signs as of outputs."""
+    pitch, roll, yaw = (channels[name] for name in (f"platform_pitch{what}", f"platform_roll{what}", "yaw"))
+    return np.cos(yaw) * pitch - np.sin(yaw) * roll, sign * (np.cos(yaw) * roll + np.sin(yaw) * pitch)
 
 
 def series_in_fixed_frame(values: NDArray[np.float64], azimuth: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -94,14 +109,18 @@ def series_in_fixed_frame(values: NDArray[np.float64], azimuth: NDArray[np.float
     return np.stack([values.mean(0), *(2.0 / n_blades * (values * turn(angles)).sum(0) for turn in (np.cos, np.sin))])
 
 
-def recorded_outputs(channels: Mapping[str, NDArray[np.float64]], n_blades: int, sign: float) -> NDArray[np.float64]:
-    """`OUTPUTS` of a record (6, n), from channels (n,) by name."""
+def recorded_outputs(
+    channels: Mapping[str, NDArray[np.float64]], n_blades: int, sign: float, n_outputs: int = len(OUTPUTS)
+) -> NDArray[np.float64]:
+    """First of `FLOATING_OUTPUTS` of a record (n_outputs, n), from channels (n,) by name."""
     moments = np.stack([channels[f"root_flap_moment_{b + 1}"] for b in range(n_blades)])
     return np.stack([
         *series_in_fixed_frame(moments, channels["azimuth"]),
         channels["nacelle_acceleration_fore_aft"],
         sign * channels["nacelle_acceleration_side_side"],
         channels["rotor_speed"],
+        *(in_nacelle_axes(channels, "_rate", sign) if n_outputs > 6 else ()),
+        *((channels["wave_elevation"],) if n_outputs > 8 else ()),
     ])  # fmt: skip
 
 
@@ -159,7 +178,7 @@ def offset_fade(fade: float, fine_speed: tuple[float, float] | None) -> FadePara
 class LinearDesign:
     """Models and feedbacks at several wind speeds, between which the pitch of the blades chooses.
 
-    With the outputs y over their scale (`OUTPUTS`) and the offsets u that reached the drives (mean, tilt,
+    With the outputs y over their scale (`outputs`) and the offsets u that reached the drives (mean, tilt,
     yaw), sampled at the interval,
 
         d_k = y_k - sum_l responses[l] u_(k-1-l),    u_k = sum_l gains[l] f_(k-l),
@@ -175,10 +194,12 @@ class LinearDesign:
     is_constant: ClassVar[bool] = True
     """Nothing in it is memory of a controller."""
     pitch: NDArray[np.float64]  #: mean pitch of the blades at which each design holds, rising [rad], shape (n,)
-    responses: NDArray[np.float64]  #: of outputs over their scale to offsets [1/rad], shape (n, 6, 3, n_taps)
-    gains: NDArray[np.float64]  #: from disturbances to offsets [rad], shape (n, 3, 6, n_delays)
-    scale: NDArray[np.float64]  #: of the outputs, shape (6,)
-    washout: NDArray[np.float64]  #: time constant of what lasts in each output [s]; 0: everything counts, shape (6,)
+    responses: NDArray[np.float64]  #: of outputs over their scale to offsets [1/rad], shape (n, n_out, 3, n_taps)
+    gains: NDArray[np.float64]  #: from disturbances to offsets [rad], shape (n, 3, n_out, n_delays)
+    scale: NDArray[np.float64]  #: of the outputs, shape (n_out,)
+    washout: NDArray[
+        np.float64
+    ]  #: time constant of what lasts in each output [s]; 0: everything counts, shape (n_out,)
     loads: NDArray[
         np.float64
     ]  #: fore-aft and side-side moment of the tower base by offsets [N m/rad], (n, 2, 3, n_taps)
@@ -193,7 +214,7 @@ class LinearDesign:
     not act there."""
 
     def __post_init__(self) -> None:
-        n, m = len(self.pitch), len(OUTPUTS)
+        n, m = len(self.pitch), len(self.outputs)
         shapes = {"pitch": (n,), "responses": (n, m, 3, -1), "gains": (n, 3, m, -1), "scale": (m,), "washout": (m,)}
         shapes["loads"] = (n, 2, 3, np.shape(self.responses)[-1])
         for name, shape in shapes.items():
@@ -216,6 +237,12 @@ class LinearDesign:
         for name, (rule, holds) in rules.items():
             if not holds:
                 raise ControllerError(f"{name} of a linear design must {rule}, got {getattr(self, name)!r}")
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of what is read."""
+        n = np.size(self.scale)
+        return FLOATING_OUTPUTS[:n] if n in (8, 9) else OUTPUTS
 
     @property
     def fading(self) -> FadeParameters:
@@ -441,7 +468,15 @@ class LinearOptions(ObserverOptions):
     gain: float = option("factor on all offsets", default=1.0, unit="-", low=0.0, high=2.0)
 
 
-SHIPPED = ("gebhardt_45m", "iea_15mw", "iea_15mw_monopile", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile")
+SHIPPED = (
+    "gebhardt_45m",
+    "iea_15mw",
+    "iea_15mw_monopile",
+    "iea_22mw",
+    "nrel_5mw",
+    "nrel_5mw_monopile",
+    "oc4_nrel_5mw",
+)
 """Turbines with a design in ``data``."""
 
 SCHEDULE_TIME = 10.0
@@ -463,8 +498,8 @@ class LoadObserver:
     gain : float
         Factor on the offsets that the disturbances ask for.
     offsets : PitchOffsets
-    disturbance : numpy.ndarray, shape (6,)
-        Of the last step, in the units of `OUTPUTS`.
+    disturbance : numpy.ndarray, shape (n_out,)
+        Of the last step, in the units of the outputs.
     fit : ModelFit
         Of the model, over what is measured.
     motion : numpy.ndarray, shape (4,)
@@ -477,9 +512,13 @@ class LoadObserver:
     gain: float = 0.0
 
     def __init__(self, turbine: Turbine, design: LinearDesign) -> None:
-        self.design = design
+        self.design, n_outputs = design, len(design.outputs)
+        if n_outputs > len(OUTPUTS) and turbine.floater is None:
+            raise ControllerError(
+                f"a design with {design.outputs[-1]} must be for a floating turbine, got {turbine.name}"
+            )
         self.offsets = PitchOffsets(turbine, design.limit, design.rate_limit, design.fading)
-        self.channels = channels_read(turbine.n_blades)
+        self.channels = channels_read(turbine.n_blades, n_outputs)
         self._knots = design.pitch.tolist()
         self.sign, self.n_blades = side_sign(turbine), turbine.n_blades
         with np.errstate(divide="ignore"):
@@ -487,10 +526,10 @@ class LoadObserver:
         self._washes = design.washout > 0.0
         self._schedule = LowPass(SCHEDULE_TIME)
         self._acted = np.zeros((3, design.responses.shape[-1]))
-        self._past = np.zeros((len(OUTPUTS), design.gains.shape[-1]))
-        self._lasting = np.zeros(len(OUTPUTS))
-        self.disturbance, self._sum = np.zeros(len(OUTPUTS)), np.zeros(3)
-        self.fit = ModelFit(len(OUTPUTS), design.interval)
+        self._past = np.zeros((n_outputs, design.gains.shape[-1]))
+        self._lasting = np.zeros(n_outputs)
+        self.disturbance, self._sum = np.zeros(n_outputs), np.zeros(3)
+        self.fit = ModelFit(n_outputs, design.interval)
         top = tower_top(turbine)
         self.natural = np.array([top.fore_aft, top.side_side])
         self._integrals = [[BandLimitedIntegrator(MOTION_CORNER * w) for _ in range(2)] for w in self.natural.tolist()]
@@ -555,7 +594,7 @@ class LoadObserver:
         if self._fresh or passed > 0:
             past, _ = self._moved(found, passed)
         sums = np.cumsum(past, axis=1)
-        sums = np.concatenate([np.zeros((len(OUTPUTS), 1)), sums], axis=1)
+        sums = np.concatenate([np.zeros((len(past), 1)), sums], axis=1)
         means = (sums[:, self._last] - sums[:, self._first]) / (self._last - self._first)
         means[:, 1:] = means[:, :-1] - means[:, 1:]
         wanted = self._answer(past, slow)
@@ -610,17 +649,17 @@ class LoadObserver:
     def _found(
         self, signals: Readings, acted: NDArray[np.float64], pitch: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Disturbances over scales (6,), which are what is measured less what the offsets did, and what is measured."""
-        design, found = self.design, np.empty(len(OUTPUTS))
+        """Disturbances over scales (n_out,), what is measured less what the offsets did, and what is measured."""
+        design, found = self.design, np.empty(len(self.disturbance))
         measured_outputs(signals, self.n_blades, self.sign, found)
         found /= design.scale
         measured = found.copy()
         for k, share in placed(self._knots, pitch):
-            found -= share * (design.responses[k].reshape(len(OUTPUTS), -1) @ acted.reshape(-1))
+            found -= share * (design.responses[k].reshape(len(found), -1) @ acted.reshape(-1))
         return found, measured
 
     def _moved(self, found: NDArray[np.float64], passed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Past (6, n_delays) and what lasts of it (6,), with the disturbances found after so many intervals."""
+        """Past (n_out, n_delays) and what lasts of it (n_out,), with the disturbances found after so many intervals."""
         if self._fresh:
             lasting = found.copy()
             past = np.repeat(np.where(self._washes, 0.0, found)[:, None], self._past.shape[1], axis=1)

@@ -351,6 +351,8 @@ def _linear_pitch(parts: Parts, addition: LoadObserver, step: float) -> None:
     parts.groups |= {"linear", "acceleration"}
     design, offsets = addition.design, addition.offsets
     n_designs, n_outputs, _, n_taps = design.responses.shape
+    if n_outputs > len(OUTPUTS):
+        raise ValueError(f"linear optimal pitch to be exported must read no platform, got {design.outputs[-1]}")
     parts.linear = LinearPitch(design, addition.sign, addition.bins, MOTION_CORNER * addition.natural)
     parts.constants |= {"N_DESIGNS": n_designs, "N_OUTPUTS": n_outputs, "N_TAPS": n_taps}
     parts.constants |= {"N_DELAYS": design.gains.shape[-1], "INDIVIDUAL_BLADES": 1}
