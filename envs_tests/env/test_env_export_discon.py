@@ -220,14 +220,41 @@ def assert_equal_demands(folder, kind, least):
     assert offset > least
 
 
-_READ = np.array([4, 33, 34, 13, 14, 15, 20, 21, 23, 24, 27, 30, 31, 32, 37, 53, 54, 60, 69, 70, 71, 109, 110]) - 1
+_READ = (
+    np.array(
+        [
+            4,
+            33,
+            34,
+            13,
+            14,
+            15,
+            20,
+            21,
+            23,
+            24,
+            27,
+            30,
+            31,
+            32,
+            37,
+            53,
+            54,
+            60,
+            69,
+            70,
+            71,
+            109,
+            110,
+            *range(1001, 1019),
+        ]
+    )
+    - 1
+)
 """Records of readings."""
 
 
-AFLOAT = tuple(task for task in TASKS if task.endswith("FloatingLoadReduction"))
-
-
-@pytest.mark.parametrize("task", [task for task in TASKS if not task.startswith("IEA") and task not in AFLOAT])
+@pytest.mark.parametrize("task", [task for task in TASKS if not task.startswith("IEA")])
 def test_agents_of_every_task_can_be_exported(task):
     env = WindTurbineEnv(**task_arguments(task))
     parts = controller_parts(env.controller, env.turbine, env.operation.step)
@@ -236,14 +263,8 @@ def test_agents_of_every_task_can_be_exported(task):
     assert parts.reads["BASE"]
 
 
-@pytest.mark.parametrize("task", AFLOAT)
-def test_an_agent_of_a_floating_task_observes_what_the_interface_lacks(task):
-    with pytest.raises(ValueError, match="must be on the Bladed interface, got platform_roll"):
-        seen_channels(WindTurbineEnv(**task_arguments(task)).layout, hold_missing=False)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("task", [task for task in TASKS if task not in AFLOAT])
+@pytest.mark.parametrize("task", TASKS)
 def test_an_agent_of_every_task_demands_what_it_demands_in_its_environment(task, tmp_path):
     arguments = {key: list(value) if isinstance(value, tuple) else value for key, value in task_arguments(task).items()}
     more = {"Dial": {"dial_weights": {"fatigue": 2.0}}, "Faults": {"fault_kinds": None}}.get(task, {})

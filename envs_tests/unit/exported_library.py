@@ -11,7 +11,15 @@ import pytest
 
 from wt_gym.control import Demand
 from wt_gym.control.bladed.controller import Library
-from wt_gym.control.bladed.records import new_swap, write_demand, write_lidar, write_readings, write_turbine
+from wt_gym.control.bladed.records import (
+    PLATFORM_CHANNELS,
+    new_swap,
+    write_demand,
+    write_lidar,
+    write_platform,
+    write_readings,
+    write_turbine,
+)
 from wt_gym.control.design import reference_flap_moment
 
 INTERVAL = 0.1
@@ -33,6 +41,8 @@ class Exported:
     def read(self, signals):
         """Take readings and give them back as the library has them: in single precision."""
         write_readings(self.swap, signals, self.turbine.n_blades)
+        if self.turbine.floater is not None:
+            write_platform(self.swap, signals)
         if self.lidar is not None:
             write_lidar(self.swap, signals, self.lidar, self.turbine.hub_height, self.turbine.rotation)
         return as_read(self.swap, self.turbine.n_blades)
@@ -116,6 +126,7 @@ def as_read(swap, n_blades):
         read[f"pitch_{b + 1}"] = angle
         read[f"root_flap_moment_{b + 1}"] = out * math.cos(angle) + within * math.sin(angle)
         read[f"root_edge_moment_{b + 1}"] = within * math.cos(angle) - out * math.sin(angle)
+    read |= dict(zip(PLATFORM_CHANNELS, swap[1000:1018], strict=True))
     read |= {f"lidar_{k + 1}": swap[2004 + k] for k in range(round(swap[2002]))}
     return {name: float(value) for name, value in read.items()}
 
@@ -145,6 +156,8 @@ def random_readings(turbine, count, seed, dt, n_gates=0):
     names |= {f"pitch_{b + 1}": (-0.05, 0.5, 0.01) for b in range(n)}
     names |= {f"root_{kind}_moment_{b + 1}": (-moment, moment, 0.03) for kind in ("flap", "edge") for b in range(n)}
     names |= {f"lidar_{k + 1}": (3.0, 25.0, 0.02) for k in range(n_gates)}
+    if turbine.floater is not None:
+        names |= dict.fromkeys(PLATFORM_CHANNELS, (-0.1, 0.1, 0.02))
     walks = {name: walk(*row) for name, row in names.items()}
     azimuth = rng.uniform(0.0, 2.0 * math.pi)
     for k in range(count):

@@ -61,6 +61,7 @@ CONTROLLERS = (
     ("tsr_tracking+lidar+ipc:ipc__fade=False,lidar__fade=False,delay=3.0", "nrel_5mw"),
     ("lidar:fade=0.05", "iea_15mw"),
     ("discon:constant_power=False", "nrel_5mw"),
+    ("linear_optimal", "oc4_nrel_5mw"),
     ("ipc+yaw+fault_supervisor:pitch_time=0.2,fade=False", "nrel_5mw"),
     ("linear_optimal+yaw+fault_supervisor:speed_tolerance=0.05,moment_jump=0.3", "iea_15mw"),
 )

@@ -131,7 +131,7 @@ _SINGLE = (
 _ACCELERATIONS = ("nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side")
 
 
-_PLATFORM = tuple(
+PLATFORM_CHANNELS = tuple(
     f"platform_{motion}{of}"
     for of in ("", "_rate", "_acceleration")
     for motion in ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -143,7 +143,7 @@ def channels_read(n_blades: int, lidar: Lidar | None = None, floats: bool = Fals
     """Channels behind the readings of a turbine with so many blades, of a lidar, and of a platform."""
     per_blade = ("pitch", "root_flap_moment", "root_edge_moment")
     blades = [f"{name}_{b}" for name in per_blade for b in range(1, n_blades + 1)]
-    seen = (*(() if lidar is None else lidar.names), *(_PLATFORM if floats else ()))
+    seen = (*(() if lidar is None else lidar.names), *(PLATFORM_CHANNELS if floats else ()))
     return ("time", "wind_x", "wind_y", *_ACCELERATIONS, *(name for _, name in _SINGLE), *blades, *seen)
 
 
@@ -188,7 +188,7 @@ def write_turbine(swap: np.ndarray, turbine: Turbine, individual_pitch: bool, st
 def write_platform(swap: np.ndarray, signals: Readings) -> None:
     """Write the motion of a platform; the nacelle turns with it, as if the tower did not bend."""
     first, yaw = 1001 - 1, signals["yaw"]
-    motion = [signals[name] for name in _PLATFORM]
+    motion = [signals[name] for name in PLATFORM_CHANNELS]
     swap[first : first + len(motion)] = motion
     roll, pitch, turn = motion[-3:]
     c, s = math.cos(yaw), math.sin(yaw)

@@ -22,6 +22,7 @@ from wt_gym.deployment.export.parts import (
     KINDS,
     LONGEST_LIDAR_DELAY,
     PARAMETERS,
+    PLATFORM,
     SUPPORTED,
     Parts,
     controller_parts,
@@ -56,7 +57,7 @@ _FORMS = ("NO_PITCH", "COLLECTIVE", "INDIVIDUAL", "FIXED_FRAME", "CYCLIC")
 _ACTIVATIONS = ("NO_ACTIVATION", "TANH", "RELU", "ELU")
 _KINDS = (
     "pitch", "out_of_plane", "in_plane", "generator_speed", "rotor_speed", "power", "generator_torque", "yaw_error",
-    "wind", "fore_aft", "side_side", "azimuth", "nacelle_yaw", "demanded_power", "lidar",
+    "wind", "fore_aft", "side_side", "azimuth", "nacelle_yaw", "demanded_power", "platform", "lidar",
 )  # fmt: skip
 """Kinds of readings; the first of each is called READ_… in the C source."""
 
@@ -90,6 +91,11 @@ def readings(parts: Parts) -> list[tuple[str, int, str, float, float, set[str]]]
         ("nacelle_yaw", 37, "nacelle yaw", 1e4),
         ("demanded_power", 13, "demanded power", 5.0 * drive.rated_power),
     ]
+    if turbine.floater is not None:
+        rows += [
+            ("platform", record, name.replace("_", " ") + " of the platform", 100.0)
+            for name, record in PLATFORM.items()
+        ]
     if parts.lidar is not None:  # behind all others, which are one record each
         rows.append(("lidar", LIDAR_SPEEDS, "lidar", FASTEST_LIDAR_WIND))
     needed = {kind: {user for user in _USERS if kind in parts.reads.get(user, set())} for kind in _KINDS}

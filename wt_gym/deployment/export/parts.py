@@ -27,6 +27,7 @@ from wt_gym.control.controllers import (
 )
 from wt_gym.control.controllers.controller import parts_of
 from wt_gym.control.controllers.linear_optimal import (
+    FLOATING_OUTPUTS,
     MOTION_CORNER,
     OUTPUTS,
     SCHEDULE_TIME,
@@ -60,6 +61,11 @@ SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque
 """Names of controllers that can be exported."""
 ACCELERATION = frozenset({"fore_aft", "side_side", "nacelle_yaw"})
 """Readings behind either tower-top acceleration: records have both along axes that do not yaw."""
+PLATFORM = {
+    "surge": 1001, "sway": 1002, "roll": 1004, "pitch": 1005, "roll_rate": 1010, "pitch_rate": 1011,
+    "surge_acceleration": 1013, "sway_acceleration": 1014,
+}  # fmt: skip
+"""Motion of a floating platform that a controller can read, and its records."""
 LINEAR_READS = {"pitch", "out_of_plane", "in_plane", "azimuth", "rotor_speed"} | ACCELERATION
 """Readings of linear optimal pitch."""
 MOST_SEEN_BINS = 100
@@ -221,7 +227,7 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
         "drive_torque_rate": drive.max_torque_rate,
         "drive_yaw_rate": turbine.nacelle.max_yaw_rate,
     }
-    parts.constants |= dict.fromkeys(_FLAGS, 0)
+    parts.constants |= dict.fromkeys(_FLAGS, 0) | {"WITH_PLATFORM": int(turbine.floater is not None)}
     base: Any
     base, *additions = parts_of(controller)
     if type(base) is Supervisor:
@@ -351,8 +357,8 @@ def _linear_pitch(parts: Parts, addition: LoadObserver, step: float) -> None:
     parts.groups |= {"linear", "acceleration"}
     design, offsets = addition.design, addition.offsets
     n_designs, n_outputs, _, n_taps = design.responses.shape
-    if n_outputs > len(OUTPUTS):
-        raise ValueError(f"linear optimal pitch to be exported must read no platform, got {design.outputs[-1]}")
+    if "wave_elevation" in design.outputs:
+        raise ValueError("linear optimal pitch to be exported must read no waves, got a design with wave_elevation")
     parts.linear = LinearPitch(design, addition.sign, addition.bins, MOTION_CORNER * addition.natural)
     parts.constants |= {"N_DESIGNS": n_designs, "N_OUTPUTS": n_outputs, "N_TAPS": n_taps}
     parts.constants |= {"N_DELAYS": design.gains.shape[-1], "INDIVIDUAL_BLADES": 1}
@@ -365,7 +371,7 @@ def _linear_pitch(parts: Parts, addition: LoadObserver, step: float) -> None:
     }
     parts.take_fade(offsets.fade, "FADE_LINEAR", "linear")
     parts.constants |= {"N_SEEN_BINS": len(addition.bins), "MOST_SEEN_BINS": MOST_SEEN_BINS}
-    parts.reads["LINEAR"] = LINEAR_READS
+    parts.reads["LINEAR"] = LINEAR_READS if n_outputs == len(OUTPUTS) else LINEAR_READS | _FLOATS
 
 
 def _fore_aft(parts: Parts, addition: ForeAftDamper, step: float) -> None:
@@ -470,18 +476,20 @@ _FIXED_FRAME = {
     "root_out_of_plane_moment": "OUT_OF_PLANE_FIXED_FRAME",
 }
 _LIDAR = {"lidar", "nacelle_yaw"}
-_DIAL, _STATE, _OUTPUT = ("|".join(names) for names in (DIAL_NAMES, STATES, OUTPUTS))
+_FLOATS = {"platform", "nacelle_yaw"}
+_DIAL, _STATE, _OUTPUT = ("|".join(names) for names in (DIAL_NAMES, STATES, FLOATING_OUTPUTS[:8]))
 _PATTERNS: dict[str, Callable[[re.Match[str]], tuple[str, int, set[str]]]] = {
     rf"({'|'.join(_FIXED_FRAME)})_(mean|tilt|yaw)":
         lambda m: (_FIXED_FRAME[m[1]], _PARTS[m[2]], _MOMENTS | {"azimuth"}),
     rf"disturbance_({_OUTPUT})_(\d+)":
-        lambda m: ("DISTURBANCE", MOST_SEEN_BINS * OUTPUTS.index(m[1]) + int(m[2]) - 1, LINEAR_READS),
+        lambda m: ("DISTURBANCE", MOST_SEEN_BINS * FLOATING_OUTPUTS.index(m[1]) + int(m[2]) - 1, LINEAR_READS),
     rf"linear_pitch_({'|'.join(_LINEAR)})": lambda m: ("LINEAR_PITCH", _LINEAR[m[1]], LINEAR_READS),
     rf"model_(gain|lag)_({_OUTPUT})":
-        lambda m: ("MODEL_FIT", OUTPUTS.index(m[2]) + (len(OUTPUTS) if m[1] == "lag" else 0), LINEAR_READS),
-    rf"response_({_OUTPUT})": lambda m: ("OWN_RESPONSE", OUTPUTS.index(m[1]), LINEAR_READS),
+        lambda m: (f"MODEL_{m[1].upper()}", FLOATING_OUTPUTS.index(m[2]), LINEAR_READS),
+    rf"response_({_OUTPUT})": lambda m: ("OWN_RESPONSE", FLOATING_OUTPUTS.index(m[1]), LINEAR_READS),
     rf"tower_({'|'.join(_MOTION)})":
-        lambda m: ("OWN_RESPONSE", len(OUTPUTS) + _MOTION.index(m[1]), LINEAR_READS),
+        lambda m: ("TOWER_MOTION", _MOTION.index(m[1]), LINEAR_READS),
+    rf"platform_({'|'.join(PLATFORM)})": lambda m: ("PLATFORM", list(PLATFORM).index(m[1]), {"platform"}),
     r"lidar_(\d+)": lambda m: ("LIDAR", int(m[1]) - 1, _LIDAR),
     rf"dial_({_DIAL})": lambda m: ("DIAL", DIAL_NAMES.index(m[1]), set()),
     rf"state_({_STATE})": lambda m: ("SUPERVISOR_STATE", STATES.index(m[1]), set()),
@@ -491,8 +499,8 @@ _PATTERNS: dict[str, Callable[[re.Match[str]], tuple[str, int, set[str]]]] = {
 """Channels with a number or a name in theirs: kind, index and readings."""
 KINDS = (
     *(kind for kind, _ in _PLAIN.values()), *(kind for kind, _ in _BY_BLADE.values()), *_FIXED_FRAME.values(),
-    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "MODEL_FIT", "OWN_RESPONSE", "LIDAR", "LIDAR_BEAM",
-    "DIAL", "SUPERVISOR_STATE", "HELD",
+    "SETPOINT", "PREVIOUS_ACTION", "DISTURBANCE", "LINEAR_PITCH", "MODEL_GAIN", "MODEL_LAG", "OWN_RESPONSE",
+    "TOWER_MOTION", "PLATFORM", "LIDAR", "LIDAR_BEAM", "DIAL", "SUPERVISOR_STATE", "HELD",
 )  # fmt: skip
 """Ways to read a channel, by name in the C source."""
 
@@ -622,6 +630,8 @@ def add_agent(parts: Parts, env: WindTurbineEnv, network: Network, seen: list[Se
         parts.values["sensor_bandwidth"] = estimator.bandwidth
         parts.tables["SENSOR_TABLE"] = estimator.table
     reads = set().union(*(one.reads for one in seen))
+    if reads >= LINEAR_READS:
+        reads |= parts.reads.get("LINEAR", set())
     if "lidar" in reads:
         assert layout.lidar is not None  # what the channels are read by
         parts.take_lidar(layout.lidar, any(one.kind == "LIDAR_BEAM" for one in seen))

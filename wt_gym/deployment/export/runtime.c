@@ -68,6 +68,9 @@ struct readings {
     double pitch[N_BLADES], generator_speed, rotor_speed, generator_power, generator_torque, yaw_error, wind_speed;
     double acceleration_fore_aft, acceleration_side_side, azimuth, demanded_power;
     double flap[N_BLADES], edge[N_BLADES];
+#if WITH_PLATFORM
+    double platform_pitch_rate, platform_roll_rate; /* about the axes of the nacelle */
+#endif
 #if WITH_LIDAR
     double gate[N_GATES];
 #endif
@@ -1011,6 +1014,12 @@ static void linear_find(const struct readings *r, const struct linear *l, double
     measured[3] = r->acceleration_fore_aft;
     measured[4] = LINEAR_SIDE * r->acceleration_side_side;
     measured[5] = r->rotor_speed;
+#if WITH_PLATFORM
+    if (N_OUTPUTS > 6) {
+        measured[N_OUTPUTS - 2] = r->platform_pitch_rate;
+        measured[N_OUTPUTS - 1] = LINEAR_SIDE * r->platform_roll_rate;
+    }
+#endif
     for (int i = 0; i < N_OUTPUTS; i++) {
         const float *of_low = &LINEAR_RESPONSES[(low * N_OUTPUTS + i) * 3 * N_TAPS];
         measured[i] /= LINEAR_SCALE[i];
@@ -1436,8 +1445,13 @@ static double observed(const struct parameters *p, const struct state *s, const 
 #if WITH_LINEAR
     case SEE_DISTURBANCE: return s->known[i / MOST_SEEN_BINS * N_SEEN_BINS + i % MOST_SEEN_BINS];
     case SEE_LINEAR_PITCH: return s->known[N_OUTPUTS * N_SEEN_BINS + i];
-    case SEE_MODEL_FIT: return s->known[N_OUTPUTS * N_SEEN_BINS + 5 + i];
+    case SEE_MODEL_GAIN: return s->known[N_OUTPUTS * N_SEEN_BINS + 5 + i];
+    case SEE_MODEL_LAG: return s->known[N_OUTPUTS * N_SEEN_BINS + 5 + N_OUTPUTS + i];
     case SEE_OWN_RESPONSE: return s->known[N_OUTPUTS * N_SEEN_BINS + 5 + 2 * N_OUTPUTS + i];
+    case SEE_TOWER_MOTION: return s->known[N_OUTPUTS * N_SEEN_BINS + 5 + 3 * N_OUTPUTS + i];
+#endif
+#if WITH_PLATFORM
+    case SEE_PLATFORM: return s->raw[READ_PLATFORM + i];
 #endif
     default: return c->offset; /* not on the interface: held where the policy sees zero */
     }
@@ -1820,8 +1834,8 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
     s->bad = s->bad_users = 0;
     for (int k = 0; k < N_READINGS - WITH_LIDAR; k++) {
         const struct reading *from = &READINGS[k];
-        double value = swap[from->record - 1];
-        if (k == READ_NACELLE_YAW && p->acceleration_axes != 0.0 && !WITH_LIDAR) continue; /* not needed */
+        double value = from->record > 129 && !(swap[128] >= from->record) ? NAN : swap[from->record - 1];
+        if (k == READ_NACELLE_YAW && p->acceleration_axes != 0.0 && !WITH_LIDAR && !WITH_PLATFORM) continue; /* not needed */
         if (value >= from->low && value <= from->high) { /* false for what is no number */
             s->raw[k] = value;
         } else {
@@ -1846,6 +1860,14 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
     r->wind_speed = raw[READ_WIND];
     r->demanded_power = raw[READ_DEMANDED_POWER];
     take_acceleration(p, s);
+#if WITH_PLATFORM
+    if (!(s->bad & (1u << READ_NACELLE_YAW | 3u << (READ_PLATFORM + 4)))) {
+        const double c = cos(raw[READ_NACELLE_YAW]), d = sin(raw[READ_NACELLE_YAW]);
+        const double roll = raw[READ_PLATFORM + 4], pitch = raw[READ_PLATFORM + 5];
+        r->platform_pitch_rate = c * pitch - d * roll;
+        r->platform_roll_rate = c * roll + d * pitch;
+    }
+#endif
     r->azimuth = raw[READ_AZIMUTH];
     for (int b = 0; b < N_BLADES; b++) {
         /* the records hold moments of the blade that does not pitch; those of the pitched blade follow */
