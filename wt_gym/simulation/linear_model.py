@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.quantities import Array, Integers
-from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.simulation.channels import MOTIONS, Signals, channel_table
 
 _PARTS = ("collective", "cosine", "sine")
 _GROUPS = "|".join(dict.fromkeys(c.name[:-2] for c in channel_table(3) if c.name.endswith("_3")))
@@ -32,7 +32,7 @@ class SteadyPoint:
     yaw: float  #: Nacelle yaw [rad]
     generator_torque: float  #: High-speed shaft [N m]; negative when the generator must drive the rotor
     azimuth: Array  #: At which the model was evaluated [rad]; array (n_azimuths,)
-    states: Array  #: Of the multibody system; array (n_azimuths, n_state)
+    states: Array  #: Of the multibody system, then those of the radiation; array (n_azimuths, n_state)
     outputs: Array  #: Mean of all channels over the azimuths; array (n_channels,)
     residual: float
     """Largest remaining acceleration of the averaged equations, in accelerations of the rotor's points [m/s²]."""
@@ -41,6 +41,19 @@ class SteadyPoint:
     def signals(self) -> Signals:
         """Mean of the channels as :class:`Signals`."""
         return Signals(self.outputs, len(self.pitch))
+
+
+@dataclass(frozen=True)
+class WaveForces:
+    """Forces of waves on a floater, the sum of Re amplitude e^{iωt}: the inputs "wave_force_surge", … of its models."""
+
+    frequency: Array  #: ω [rad/s]; array (c,)
+    amplitude: NDArray[np.complex128]  #: Along and about global axes at the origin [N, N m]; array (c, 6), complex
+
+    def inputs(self, time: ArrayLike) -> dict[str, Array]:
+        """Inputs at times (n_t,) [s], as `LinearModel.response` takes them."""
+        series = (np.exp(1j * np.multiply.outer(np.asarray(time, dtype=float), self.frequency)) @ self.amplitude).real
+        return {f"wave_force_{motion}": series[:, k] for k, motion in enumerate(MOTIONS)}
 
 
 class RotorPoint(Protocol):
@@ -85,6 +98,7 @@ class LinearModel:
     """state_names, input_names, output_names: the rate of a coordinate "name" is called "name_rate"."""
     operating_point: SteadyPoint | None = None  #: The steady state about which the model holds
     multiblade: bool = False  #: Blade quantities are collective, cosine and sine parts instead of blades 1, 2 and 3
+    waves: WaveForces | None = None  #: Of the sea for which the drag of a floater is linear
 
     def select(
         self, inputs: str | Iterable[str] | None = None, outputs: str | Iterable[str] | None = None
@@ -139,9 +153,10 @@ class LinearModel:
         return out
 
     def modes(self) -> tuple[Mode, ...]:
-        """Oscillations of the structure, lowest frequency first.
+        """Oscillations of the structure and of the water about a floater, lowest frequency first.
 
-        The drives (pitch, yaw) follow their commands without reaction of the structure: they are left out.
+        The drives (pitch, yaw) follow their commands without reaction of the structure: they are left out. Modes of the
+        memory of the water have the names of its states, "radiation_surge_1".
         """
         coordinates = _coordinates(self.state_names)
         drives = {name for name in coordinates if _is_drive(name)}
