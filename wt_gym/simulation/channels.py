@@ -301,7 +301,7 @@ def new_values(n_blades: int, n_lines: int | None = None) -> tuple[Array, dict[s
 
 
 _BLADES = re.compile(r"(blade_\d|pitch_|(flap|edge|torsion)_\d+_(collective|cosine|sine))")
-_FLOATER = re.compile(rf"(?:platform|wave_force|radiation)_({'|'.join(MOTIONS)})(?:_\d+)?")
+_FLOATER = re.compile(rf"(?:platform|radiation)_({'|'.join(MOTIONS)})(?:_\d+)?")
 _SHAFT = ("azimuth", "shaft_torsion")
 _YAW = ("yaw", "yaw_twist")
 _PLANES = {"fore_aft": EVEN, "side_side": ODD, "torsion": ODD}
@@ -323,7 +323,7 @@ def reflected_shapes(shapes: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def state_parity(name: str) -> int:
-    """Parity of a state of the multibody system, the water or a wave force under the reflection.
+    """Parity of a state of the multibody system or the water about a floater under the reflection.
 
     Coordinates of blades and shaft are in frames that are reflected with them; those of the tower are along axes that
     stay.

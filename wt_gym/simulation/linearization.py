@@ -25,8 +25,8 @@ further states, ẋ = a x + b v with the force −c x (Cummins 1962; Perez and F
 in axes turned by its yaw. Drag is quadratic: of a small motion in still water it has no part. A current pushes the
 floater in its operating point and makes drag linear; so do waves, by their standard deviations
 (`wt_gym.hydrodynamics.loads.WaveResponse`). Waves push as inputs: their force depends on their frequency, before a
-crest arrives too, so that no states lead from the elevation to it. `LinearModel.waves` and `wave_forces` have the
-inputs of a sea. Slow drift, of second order, is not in them.
+crest arrives too, so that no states lead from the elevation to it. `LinearModel.waves` and `WaveForces.of` have
+the inputs of a sea. Slow drift, of second order, is not in them.
 """
 
 from __future__ import annotations
@@ -44,20 +44,18 @@ from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.aerodynamics.wake.wake_kernels import velocity_behind_disc
 from wt_gym.base.errors import SimulationError, did_you_mean
 from wt_gym.base.quantities import GRAVITY, Array
-from wt_gym.hydrodynamics.loads import NearLoads, PlatformLoads
-from wt_gym.hydrodynamics.platform import Platform
+from wt_gym.hydrodynamics.loads import NearLoads
 from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.simulation.channels import MOTIONS, channel_table, parities, state_parities, state_parity
+from wt_gym.simulation.channels import MOTIONS, channel_table
 from wt_gym.simulation.contract import SimulatorState
-from wt_gym.simulation.linear_model import LinearModel, SteadyPoint, WaveForces, multiblade_model
+from wt_gym.simulation.linear_model import LinearModel, SteadyPoint, WaveForces, multiblade_model, reflected_model
 from wt_gym.simulation.models import place_nacelle
 from wt_gym.simulation.start import rigid_body
 from wt_gym.simulation.step import coupling_kernels, water_kernels
 from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.coupling_data import Extremes, MeasuredState, Measurement, TowerAir, Water
 from wt_gym.turbines import Turbine
-from wt_gym.turbines.variants import REFLECTION_6
 from wt_gym.wind import Inflow, MirroredInflow, SteadyInflow
 
 if TYPE_CHECKING:
@@ -172,60 +170,13 @@ def linearize(  # noqa: PLR0913
         models.append(multiblade_model(model, point.azimuth[k], point.rotor_speed) if multiblade else model)
     mean = {key: np.mean([getattr(m, key) for m in models], axis=0) for key in "ABCD"}
     model = replace(models[0], **mean, waves=plant.waves)
-    return _reflected_model(model, plant) if simulator.mirrored else model
+    return reflected_model(model, plant.state_names, plant.turbine.n_lines) if simulator.mirrored else model
 
 
 def _felt_inflow(simulator: LinearizedSimulator, wind_speed: float | None) -> Inflow:
     """The steady wind of an operating point as the simulated image of the turbine feels it."""
     inflow = steady_inflow(simulator.inflow, wind_speed)
     return MirroredInflow.of(inflow) if simulator.mirrored else inflow
-
-
-def _reflected_point(point: SteadyPoint, plant: FrozenPlant) -> SteadyPoint:
-    """The operating point of a turbine from that of its mirror image, see `wt_gym.simulation.channels`."""
-    return replace(
-        point,
-        yaw=-point.yaw,
-        states=point.states * state_parities(plant.state_names),
-        outputs=point.outputs * parities(plant.n_blades, plant.turbine.n_lines),
-    )
-
-
-def _reflected_model(model: LinearModel, plant: FrozenPlant) -> LinearModel:
-    """The linear model of a turbine from that of its mirror image, see `wt_gym.simulation.channels`."""
-    size = plant.n_blades, plant.turbine.n_lines
-    channels = dict(zip((c.name for c in channel_table(*size)), parities(*size), strict=True))
-    inputs = np.array([
-        state_parity(name) if name.startswith("wave_") else -1.0 if name in ("yaw", "wind_y") else 1.0
-        for name in model.input_names
-    ])  # fmt: skip
-    waves = model.waves
-    if waves is not None:
-        waves = replace(waves, amplitude=waves.amplitude * REFLECTION_6)
-    outputs = np.array([channels.get(name, 1.0) for name in model.output_names])  # names of no channel are of blades
-    states = state_parities(model.state_names)
-    return replace(
-        model,
-        A=model.A * np.outer(states, states),
-        B=model.B * np.outer(states, inputs),
-        C=model.C * np.outer(outputs, states),
-        D=model.D * np.outer(outputs, inputs),
-        operating_point=None if model.operating_point is None else _reflected_point(model.operating_point, plant),
-        waves=waves,
-    )
-
-
-def wave_forces(platform: Platform, sea: WaveComponents) -> WaveForces:
-    """Forces of the waves of a sea on a platform, without drag, as the inputs of linear models.
-
-    Raises
-    ------
-    InflowError
-        If a component is outside of the table of the excitation.
-    """
-    loads = PlatformLoads(platform, 1.0)
-    loads.set_sea(sea)
-    return WaveForces(loads.arrays.wave_frequency, loads.wave_force)
 
 
 def steady_inflow(inflow: Inflow, wind_speed: float | None = None) -> SteadyInflow:
