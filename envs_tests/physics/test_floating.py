@@ -404,11 +404,14 @@ def test_linear_model_in_waves_is_mirrored():
 
 
 def test_linear_rotor_that_surges_has_the_loads_of_one_in_wind():
-    """In multi-blade coordinates: a surge rate has the thrust of the opposite wind, a surge has none."""
-    turbine, without = load_turbine(NAMES["oc4"]), replace(fidelity("training"), tower_shadow=False)
-    simulator = Simulator(turbine, SteadyInflow(12.0, hub_height=turbine.hub_height), without)
+    """In multi-blade coordinates: a surge rate has the thrust of the opposite wind, a surge has none.
+
+    The shadow of the tower is one of the wind, not of its relative velocity.
+    """
+    simulator = running()
+    simulator.sea = None
     model = simulator.linearize(**RATED, multiblade=True, n_azimuths=2, outputs=("aero_thrust",))
     names, wind = model.state_names, model.D[0, model.input_names.index("wind_x")]
     assert places(names, "radiation_")
-    assert model.C[0, names.index("platform_surge_rate")] == pytest.approx(-wind, rel=1e-3)
-    assert abs(model.C[0, names.index("platform_surge")]) < 1e-4 * wind
+    assert model.C[0, names.index("platform_surge_rate")] == pytest.approx(-wind, rel=0.02)
+    assert abs(model.C[0, names.index("platform_surge")]) < 1e-6 * wind

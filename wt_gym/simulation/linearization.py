@@ -742,7 +742,8 @@ class FrozenPlant:
             self.lattice.body_wind[:] = self._wind.velocity(self.lattice.bodies.control_points, 0.0)
         if self.fidelity.tower_shadow and self.fidelity.tower_body is None:
             wind = np.array(wind + slowing, dtype=np.float64)
-            self.tower_flow.add(self._nodes, wind, self.work.r[self.structure.nacelle])
+            base = None if self.structure.floater is None else self.work.r[self.structure.tower]
+            self.tower_flow.add(self._nodes, wind, self.work.r[self.structure.nacelle], base)
             wind -= slowing
         return wind
 
