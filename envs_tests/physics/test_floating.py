@@ -328,6 +328,7 @@ def test_linear_period_of_surge(name, duration):
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs the reference runs of floating platforms")
+@pytest.mark.slow
 def test_linear_answer_to_waves_is_that_of_openfast():
     """Amplitudes within 5 %, phases within 5°, but of pitch at 20 s, which is the difference of large moments."""
     simulator = parked("oc4")
@@ -366,6 +367,7 @@ def test_linear_answer_to_waves_is_that_of_the_simulation():
     np.testing.assert_allclose(course[:, 2], wanted[:, 2], atol=0.03 * abs(answer[2]))
 
 
+@pytest.mark.slow
 def test_linear_drag():
     """None in still water; in a current as the floater is pushed; with waves more of it, for small motions too."""
     turbine = load_turbine(NAMES["oc4"])
