@@ -1,4 +1,4 @@
-"""Floating turbines: the coupled simulator in waves, its start, symmetry and energy; `cases.floating` has OpenFAST."""
+"""Floating turbines: the coupled simulator in waves, start, symmetry, energy, linear models; see `cases.floating`."""
 
 import copy
 from dataclasses import replace
@@ -6,11 +6,16 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from envs_tests.physics.cases import floating as cases
 from envs_tests.physics.refusals import refuses
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.base.quantities import GRAVITY
+from wt_gym.hydrodynamics.loads import PlatformLoads
+from wt_gym.hydrodynamics.loads_kernels import platform_force
+from wt_gym.hydrodynamics.mooring import line_forces
+from wt_gym.hydrodynamics.potential import fit_radiation
 from wt_gym.hydrodynamics.waves import SeaState, WaveComponents
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import channel_table
@@ -187,3 +192,181 @@ def test_energy_of_a_floater_without_damping():
         kinetic.append(parts[0])
         energies.append(sum(parts) + water)
     assert np.ptp(energies) < 1.5e-4 * max(kinetic)
+
+
+# ---- linear models ---------------------------------------------------------------------------------------------------
+
+PARKED = {"rotor_speed": 0.0, "pitch": 0.5 * np.pi, "aerodynamics": "none", "generator": "locked"}
+PUSHES = tuple(f"wave_force_{motion}" for motion in cases.MOTIONS)
+
+
+def places(names, *beginnings):
+    return [names.index(name) for name in names if name.startswith(beginnings)]
+
+
+def harmonic(model, omega):
+    """Answer of the outputs to the waves of the model, of one frequency."""
+    part = model.select(inputs=PUSHES)
+    state = np.linalg.solve(1j * omega * np.eye(len(part.A)) - part.A, part.B)
+    return (part.C @ state + part.D) @ part.waves.amplitude[0]
+
+
+@cache
+def still(name):
+    simulator = parked(name)
+    simulator.sea = None
+    return simulator.linearize(**PARKED)
+
+
+def test_linear_tensions_are_those_of_the_catenary():
+    """Difference of tensions of displaced fairleads, each line solved by itself."""
+    floater, model = load_turbine(NAMES["oc4"]).floater, still("oc4")
+    rest, h = platform(model.operating_point.signals), 1e-2
+
+    def tensions(q):
+        turn, out = Rotation.from_euler("ZYX", q[[5, 4, 3]]).as_matrix(), []
+        for line in floater.lines:
+            x, y, z = q[:3] + turn @ line.fairlead - line.anchor
+            across, up, low = line_forces(np.hypot(x, y), z, line.length, line.weight(floater.water_density, GRAVITY),
+                                          line.axial_stiffness, friction=line.seabed_friction)  # fmt: skip
+            out.append((np.hypot(across, up), low))
+        return np.array(out).T.ravel()
+
+    wanted = [(tensions(rest + h * row) - tensions(rest - h * row)) / (2.0 * h) for row in np.eye(6)]
+    rows = places(model.output_names, "fairlead_tension", "anchor_tension")
+    columns = [model.state_names.index(f"platform_{motion}") for motion in cases.MOTIONS]
+    np.testing.assert_allclose(model.C[np.ix_(rows, columns)], np.transpose(wanted), rtol=2e-3, atol=30.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_linear_memory_of_the_water(name):
+    """Without the states of the radiation their part of the equations is −M⁻¹ K(iω), K of the radiation."""
+    model, floater = still(name), load_turbine(NAMES[name]).floater
+    radiation = fit_radiation(floater.radiation)
+    own, rates = places(model.state_names, "radiation_"), [f"platform_{motion}_rate" for motion in cases.MOTIONS]
+    moved = [model.state_names.index(rate) for rate in rates]
+    velocity = model.C[np.ix_([model.output_names.index(rate) for rate in rates], moved)]
+    push = model.B[:, places(model.input_names, "wave_force")]
+    assert len(own) == len(radiation.a)
+    for omega, kernel in zip((0.1, 0.4, 0.9), radiation.response([0.1, 0.4, 0.9]), strict=True):
+        states = np.linalg.solve(1j * omega * np.eye(len(own)) - model.A[np.ix_(own, own)], model.A[np.ix_(own, moved)])
+        found, wanted = model.A[np.ix_(moved, own)] @ states, -push[moved] @ kernel @ velocity
+        size = np.sqrt(np.outer(np.abs(wanted).max(axis=1), np.abs(wanted).max(axis=0)))
+        assert np.abs((found - wanted) / size).max() < 1e-5
+    assert np.linalg.eigvals(model.A).real.max() < 0.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_linear_periods(name):
+    """Those of the smallest cycle of OpenFAST's free decays within 2 %.
+
+    The pitch shifts the maxima of the surge of VolturnUS-S: its last cycle is faster than a small one, see below.
+    """
+    found = {mode.name.removeprefix("platform_"): 1.0 / mode.frequency for mode in still(name).modes()}
+    for run in cases.reference()["decays"]:
+        if run["turbine"] == NAMES[name] and (name, run["motion"]) != ("volturn", "surge"):
+            assert found[run["motion"]] == pytest.approx(np.diff(run["peak_time"])[-1], rel=0.02), run["motion"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "duration"), [("oc4", 130.0), ("volturn", 150.0)])
+def test_linear_period_of_surge(name, duration):
+    """That of the simulation released at 0.5 m within 1 %."""
+    simulator = parked(name)
+    simulator.sea = None
+    rest = platform(simulator.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0))
+    rows = released(simulator, rest + 0.5 * np.eye(6)[0], duration)[:, 0] - rest[0]
+    after = np.flatnonzero(rows[1:] * rows[:-1] < 0.0)
+    crossings = simulator.time_step * (after - rows[after] / (rows[after + 1] - rows[after]))
+    found = next(mode for mode in still(name).modes() if mode.name == "platform_surge")
+    assert 1.0 / found.frequency == pytest.approx(2.0 * (crossings[1] - crossings[0]), rel=0.01)
+
+
+@pytest.mark.slow
+def test_linear_answer_to_waves_is_that_of_openfast():
+    """Amplitudes within 5 %, phases within 5°, but of pitch at 20 s, which is the difference of large moments."""
+    simulator, motions = parked("oc4"), ("surge", "heave", "pitch")
+    for run in (run for run in cases.reference()["waves"] if run["turbine"] == cases.OC4):
+        omega, height = 2.0 * np.pi / run["period"], run["amplitude"]
+        simulator.sea = WaveComponents([omega], [height], [0.0], [0.0])
+        model = simulator.linearize(**PARKED, outputs=[f"platform_{motion}" for motion in motions])
+        answer = harmonic(model, omega) / height / cases.UNITS[[0, 2, 4]]
+        for k, motion in enumerate(motions):
+            size, phase = run[motion]
+            ratio = answer[k] / (size * np.exp(1j * np.radians(phase)))
+            if (motion, run["period"]) != ("pitch", 20.0):
+                assert abs(ratio) == pytest.approx(1.0, abs=0.05), (motion, run["period"])
+                assert abs(np.degrees(np.angle(ratio))) < 5.0, (motion, run["period"])
+
+
+def test_linear_answer_to_waves_is_that_of_the_simulation():
+    """Complex amplitude within 3 % of the settled motion in regular waves; the series of the inputs gives it too."""
+    simulator, omega = parked("oc4"), 0.2 * np.pi
+    simulator.sea = SeaState("regular", 2.0, 10.0).components(np.random.default_rng(0), 200.0)
+    model = simulator.linearize(**PARKED, outputs=[f"platform_{motion}" for motion in cases.MOTIONS])
+    simulator.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0)
+    n = round(10.0 / simulator.time_step)
+    for _ in range(5 * n):
+        simulator.advance(simulator.time_step, pitch=0.5 * np.pi)
+    rows = [platform(simulator.advance(simulator.time_step, pitch=0.5 * np.pi)) for _ in range(n)]
+    turn = np.exp(-2j * np.pi * np.arange(1, n + 1) / n)
+    settled, answer = 2.0 * (turn[:, None] * np.array(rows)).mean(axis=0), harmonic(model, omega)
+    for k in (0, 2, 4):
+        assert abs(answer[k] - settled[k]) < 0.03 * abs(settled[k])
+    part, time = model.select(inputs=PUSHES), np.linspace(0.0, 20.0, 2001)  # inputs are held: half an interval late
+    state = np.linalg.solve(1j * omega * np.eye(len(model.A)) - model.A, part.B @ part.waves.amplitude[0]).real
+    course = model.response(time, model.waves.inputs(time), start=state)
+    wanted = np.real(answer * np.exp(1j * omega * time)[:, None])
+    np.testing.assert_allclose(course[:, 2], wanted[:, 2], atol=0.03 * abs(answer[2]))
+
+
+@pytest.mark.slow
+def test_linear_drag():
+    """None in still water; in a current as the floater is pushed; with waves more of it, for small motions too."""
+    turbine = load_turbine(NAMES["oc4"])
+    bare = replace(turbine, floater=replace(turbine.floater, members=(), plates=()))
+    first = Simulator(bare, SteadyInflow(0.01, hub_height=bare.hub_height), fidelity("training")).linearize(**PARKED)
+    np.testing.assert_allclose(still("oc4").A, first.A, atol=1e-9 * np.abs(first.A).max())
+    simulator, damping = parked("oc4"), []
+    for height in (0.0, 2.0):
+        simulator.sea = WaveComponents([0.6], [height], [0.0], [0.0], current=(0.8, 0.0))
+        model = simulator.linearize(**PARKED)
+        rest = platform(model.operating_point.signals)
+        loads = PlatformLoads(turbine.floater, 0.1)
+        loads.set_sea(WaveComponents([0.6], [0.0], [0.0], [0.0], current=(0.8, 0.0)))
+        turn, total = Rotation.from_euler("ZYX", rest[[5, 4, 3]]).as_matrix(), np.zeros(6)
+        loads.restart(rest[:3], turn, np.zeros(3), np.zeros(3))
+        platform_force(loads.arrays, rest[:3].copy(), turn, np.zeros(3), np.zeros(3), total)
+        pushed = total[0] - loads.static_force(rest[:3], turn)[0]
+        if height == 0.0:  # lines hold what the current pushes
+            assert abs(total[0]) < 1e-4 * pushed
+        else:
+            assert total[0] < -0.1 * pushed
+        assert model.operating_point.residual < 1e-6
+        damping.append(next(mode.damping for mode in model.modes() if mode.name == "platform_heave"))
+    assert 0.001 < damping[0] < 0.3 * damping[1]
+
+
+def test_linear_model_in_waves_is_mirrored():
+    turbine, models = load_turbine(NAMES["oc4"]), []
+    for one, sea in ((turbine, WAVES), (mirrored(turbine), WAVES.mirrored())):
+        simulator = Simulator(one, SteadyInflow(0.01, hub_height=turbine.hub_height), fidelity("training"), sea=sea)
+        models.append(simulator.linearize(**PARKED, outputs=("platform_sway", "platform_yaw", "platform_heave")))
+    time = np.linspace(0.0, 30.0, 301)
+    first, second = (model.response(time, model.waves.inputs(time)) for model in models)
+    assert np.abs(first).max(axis=0).min() > 1e-4
+    np.testing.assert_allclose(second * [-1.0, -1.0, 1.0], first, atol=1e-5 * np.abs(first).max(axis=0).min())
+
+
+def test_linear_rotor_that_surges_has_the_loads_of_one_in_wind():
+    """In multi-blade coordinates: a surge rate has the thrust of the opposite wind, a surge has none.
+
+    The shadow of the tower is one of the wind, not of its relative velocity.
+    """
+    simulator = running()
+    simulator.sea = None
+    model = simulator.linearize(**RATED, multiblade=True, n_azimuths=2, outputs=("aero_thrust",))
+    names, wind = model.state_names, model.D[0, model.input_names.index("wind_x")]
+    assert places(names, "radiation_")
+    assert model.C[0, names.index("platform_surge_rate")] == pytest.approx(-wind, rel=0.02)
+    assert abs(model.C[0, names.index("platform_surge")]) < 1e-6 * wind

@@ -27,7 +27,8 @@ from wt_gym.hydrodynamics import (
 )
 from wt_gym.hydrodynamics.design import Column, Pontoon, panel_flow
 from wt_gym.hydrodynamics.design import _hydrostatics as hydrostatics
-from wt_gym.hydrodynamics.drag import drag_points
+from wt_gym.hydrodynamics.drag import drag_points, linear_drag, mean_square
+from wt_gym.hydrodynamics.loads import WaveResponse
 from wt_gym.hydrodynamics.loads_kernels import accept_step, platform_force, water_motion
 from wt_gym.hydrodynamics.mooring import line_forces, line_shape
 
@@ -161,6 +162,41 @@ class TestDrag:
         along = 0.5 * 1000.0 * 4.8 * 50.0 * 0.25
         expected = [-across * 3.0, across * 4.0, -along, 10.0 * across * 4.0, 10.0 * across * 3.0 + 3.0 * along, 0.0]
         np.testing.assert_allclose(out - base, expected, rtol=1e-9, atol=1e-6)
+
+    @pytest.mark.parametrize(("mean", "deviation"), [(0.0, 0.7), (0.3, 0.5), (-2.0, 0.5), (1.5, 0.0), (0.0, 0.0)])
+    def test_mean_of_the_square_of_a_gaussian_velocity(self, mean, deviation):
+        def average(u):
+            if deviation == 0.0:
+                return abs(u) * u
+            parts = [(-9.0, -u / deviation), (-u / deviation, 9.0)]
+            density = lambda x: abs(u + deviation * x) * (u + deviation * x) * np.exp(-0.5 * x * x)  # noqa: E731
+            return sum(quad(density, *part)[0] for part in parts) / np.sqrt(2.0 * np.pi)
+
+        even, slope = mean_square(mean, deviation)
+        assert slope == pytest.approx((average(mean + 1e-4) - average(mean - 1e-4)) / 2e-4, abs=1e-3)
+        assert even == pytest.approx(average(mean) / mean if mean else slope, abs=1e-6)
+
+    def test_linear_drag_is_the_tangent_in_a_current(self):
+        """Mean force, and differences of the kernel's force by velocity, of a tilted column and a tilted plate."""
+        parts = {"members": (DragMember((1.0, 2.0, 0.0), (4.0, 0.0, -20.0), 4.0, 0.7),),
+                 "plates": (HeavePlate((3.0, 0.0, -20.0), (0.3, 0.2, -2.0), 50.0, 4.8),)}  # fmt: skip
+        loads, bare = PlatformLoads(box(**parts), 0.1), PlatformLoads(box(), 0.1)
+        loads.set_sea(WaveComponents([0.5], [0.0], [0.0], [0.0], current=(0.8, -0.5)))
+        points, none = drag_points(parts["members"], parts["plates"], 1000.0), np.zeros(8)
+
+        def force(velocity):
+            out, base = np.zeros(6), np.zeros(6)
+            for one, result in ((loads, out), (bare, base)):
+                platform_force(one.arrays, *STILL[:2], velocity[:3].copy(), velocity[3:].copy(), result)
+            return out - base
+
+        drag = linear_drag(points, np.array([0.8, -0.5, 0.0]), none, none)
+        step = 1e-5 * np.eye(6)
+        damping = np.array([(force(-row) - force(row)) / 2e-5 for row in step]).T
+        np.testing.assert_allclose(drag.force, force(np.zeros(6)), rtol=1e-9, atol=1e-3)
+        np.testing.assert_allclose(drag.damping, damping, atol=1e-5 * np.abs(damping).max())
+        moved = drag.transfer.sum(axis=1)  # all the water moves as the platform does not
+        np.testing.assert_allclose(moved, drag.damping[:, :3], rtol=1e-9, atol=1e-3)
 
     def test_members_are_cut_at_still_water(self):
         points = drag_points((DragMember((0.0, 0.0, 8.0), (0.0, 6.0, 0.0), 1.0, 1.0),), (), 1000.0)
@@ -335,6 +371,9 @@ class TestWaves:
             result = loads.arrays.excitation - plain.arrays.excitation
             np.testing.assert_allclose(result, [*expected, 0, 0, 0, 0], rtol=1e-9, atol=1e-9)
         np.testing.assert_array_equal(loads.arrays.elevation, plain.arrays.elevation)
+        mass, stiffness = np.diag([1e6, 1e6, 1e6, 1e8, 1e8, 1e8]), np.diag([1e4, 1e4, 2e6, 1e8, 1e8, 1e7])
+        first, second = (WaveResponse(one).solve(mass, stiffness).displacement for one in (loads, plain))
+        np.testing.assert_array_equal(first, second)  # drift is of second order
 
 
 class TestDesign:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from wt_gym.base.errors import InflowError, SimulationError
 from wt_gym.base.quantities import Array, Integers
 from wt_gym.hydrodynamics import loads_kernels as kernels
-from wt_gym.hydrodynamics.drag import drag_points
+from wt_gym.hydrodynamics.drag import DragPoints, drag_points, linear_drag, mean_square, motion_of_points
 from wt_gym.hydrodynamics.mooring import line_shape, unsolved
 from wt_gym.hydrodynamics.mooring_kernels import SOLVED
 from wt_gym.hydrodynamics.platform import Platform
@@ -188,6 +187,17 @@ class PlatformLoads:
         self.components = components
         kernels.water_motion(self.arrays, 0.0)
 
+    @property
+    def wave_force(self) -> NDArray[np.complex128]:
+        """Complex amplitudes at e^{iωt} of the wave force and moment about the origin of the sea, shape (c, 6)."""
+        p = self.arrays
+        return np.asarray((p.wave_real[:6] + 1j * p.wave_imaginary[:6]).T)
+
+    def linear_damping(self, deviation: ArrayLike) -> Array:
+        """Damping (6, 6) of the platform about rest, the quadratic one for standard deviations (6,) of its velocity."""
+        platform = self.platform
+        return np.asarray(platform.linear_damping + platform.quadratic_damping * mean_square(0.0, deviation)[1])
+
     def _sea(self, sea: WaveComponents | None) -> dict[str, Any]:
         n_rows = 7 + 3 * len(self._points) + (24 if self.platform.drift is not None else 0)
         if sea is None:
@@ -329,7 +339,6 @@ def _motion(*values: ArrayLike) -> tuple[Array, ...]:
 
 ITERATIONS = 4
 """Of the standard deviations in the drag, which is small against inertia and stiffness."""
-_GAUSS = math.sqrt(8.0 / math.pi)
 
 
 class WaveMotion(NamedTuple):
@@ -338,6 +347,23 @@ class WaveMotion(NamedTuple):
     displacement: Array  # (6,) from the state of rest [m, rad]
     velocity: Array  # (6,) [m/s, rad/s]
     radiation: Array  # (r,) states of the radiation
+
+
+class Deviation(NamedTuple):
+    """Standard deviations of velocities in a sea, which make its drag linear."""
+
+    platform: Array  # (6,) [m/s, rad/s]
+    across: Array  # (n,) of the water relative to the drag points, across their axes [m/s]
+    along: Array  # (n,) and along [m/s]
+
+
+class HarmonicMotion(NamedTuple):
+    """Harmonic motion of a platform in its sea: complex amplitudes at e^{iωt} of each component."""
+
+    displacement: NDArray[np.complex128]  # (c, 6) [m, rad]
+    velocity: NDArray[np.complex128]  # (c, 6) [m/s, rad/s]
+    force: NDArray[np.complex128]  # (c, 6) of the waves, with their drag [N, N m]
+    deviation: Deviation
 
 
 class WaveResponse:
@@ -349,8 +375,8 @@ class WaveResponse:
 
         [−ω² M + iω (B + K̂(iω)) + S] Q = X + X_d.
 
-    B and X_d stand for the drag with relative velocity, made linear by its mean work in a Gaussian sea: |v| v becomes
-    √(8/π) σ v, σ the standard deviation of v (Borgman, J. Waterw. Harb. Div. ASCE 93, 1967, 129), found by iteration.
+    B and X_d stand for the drag with relative velocity, made linear by its mean in a Gaussian sea with its current
+    (`wt_gym.hydrodynamics.drag.mean_square`), whose standard deviations are found by iteration.
 
     Parameters
     ----------
@@ -364,8 +390,8 @@ class WaveResponse:
         self._poles, vectors = np.linalg.eig(a)
         self._states, self._inputs, self._outputs = vectors, np.linalg.solve(vectors, b.astype(complex)), c @ vectors
 
-    def start(self, mass: Array, stiffness: Array) -> WaveMotion:
-        """Return the motion at time zero.
+    def solve(self, mass: Array, stiffness: Array) -> HarmonicMotion:
+        """Return the harmonic motion; without waves there are no components, and all deviations are 0.
 
         Parameters
         ----------
@@ -375,40 +401,92 @@ class WaveResponse:
             Of water, lines and weight about the state of rest.
         """
         p, omega = self._loads.arrays, self._loads.arrays.wave_frequency
-        if not len(omega):
-            return WaveMotion(np.zeros(6), np.zeros(6), np.zeros(len(self._poles)))
-        values = p.wave_real + 1j * p.wave_imaginary
-        force, water = values[:6].T, values[7:].T.reshape(len(omega), -1, 3)
-        memory = 1.0 / (1j * omega[:, None] - self._poles)  # (c, r)
+        n = len(p.point_across)
+        water = (p.wave_real + 1j * p.wave_imaginary)[7 : 7 + 3 * n].T.reshape(len(omega), n, 3)
+        points = DragPoints(p.point_position, p.point_axis, p.point_across, p.point_along)
         rest = stiffness - omega[:, None, None] ** 2 * mass
-        rest = rest + 1j * omega[:, None, None] * (self._outputs * memory[:, None]) @ self._inputs
+        rest = rest + 1j * omega[:, None, None] * (self._outputs * self._memory(omega)[:, None]) @ self._inputs
         velocity = np.zeros((len(omega), 6), complex)
         for _ in range(ITERATIONS):
-            damping, drag = self._linear_drag(velocity, water)
-            answer = np.linalg.solve(rest + 1j * omega[:, None, None] * damping, (force + drag)[:, :, None])[:, :, 0]
+            deviation = self._deviation(velocity, water)
+            drag = linear_drag(points, p.current, deviation.across, deviation.along)
+            damping = drag.damping + self._loads.linear_damping(deviation.platform)
+            force = self._loads.wave_force + np.einsum("jnk,cnk->cj", drag.transfer, water)
+            answer = np.linalg.solve(rest + 1j * omega[:, None, None] * damping, force[:, :, None])[:, :, 0]
             velocity = 1j * omega[:, None] * answer
-        states = ((velocity @ self._inputs.T) * memory).sum(axis=0) @ self._states.T
-        return WaveMotion(answer.sum(axis=0).real, velocity.sum(axis=0).real, np.ascontiguousarray(states.real))
+        return HarmonicMotion(answer, velocity, force, deviation)
 
-    def _linear_drag(
-        self, velocity: NDArray[np.complex128], water: NDArray[np.complex128]
-    ) -> tuple[Array, NDArray[np.complex128]]:
-        """Damping (6, 6) and wave forces (c, 6) of the drag, for the velocities of platform and water."""
-        p, platform = self._loads.arrays, self._loads.platform
-        deviation = np.sqrt(0.5 * (np.abs(velocity) ** 2).sum(axis=0))
-        damping = platform.linear_damping + _GAUSS * platform.quadratic_damping * deviation
-        x, y, z = p.point_position.T
-        zero = np.zeros_like(x)
-        lever = np.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)  # ω × r = lever ω
-        points = np.concatenate([np.broadcast_to(np.eye(3), lever.shape), lever], axis=2)  # (n, 3, 6)
-        relative = water - np.einsum("nij,cj->cni", points, velocity)
-        axis = p.point_axis
-        along = np.einsum("cni,ni->cn", relative, axis)
+    def start(self, mass: Array, stiffness: Array) -> WaveMotion:
+        """Return the motion at time zero; see `solve` for the arguments."""
+        motion = self.solve(mass, stiffness)
+        memory = self._memory(self._loads.arrays.wave_frequency)
+        states = ((motion.velocity @ self._inputs.T) * memory).sum(axis=0) @ self._states.T
+        displacement, velocity = motion.displacement.sum(axis=0).real, motion.velocity.sum(axis=0).real
+        return WaveMotion(displacement, velocity, np.ascontiguousarray(states.real))
+
+    def _memory(self, omega: Array) -> NDArray[np.complex128]:
+        """Answer of each pole of the radiation to each frequency, shape (c, r)."""
+        return np.asarray(1.0 / (1j * omega[:, None] - self._poles), dtype=np.complex128)
+
+    def _deviation(self, velocity: NDArray[np.complex128], water: NDArray[np.complex128]) -> Deviation:
+        """Standard deviations for the velocities of platform (c, 6) and water at the points (c, n, 3)."""
+        p = self._loads.arrays
+        relative = water - np.einsum("nij,cj->cni", motion_of_points(p.point_position), velocity)
         whole = 0.5 * (np.abs(relative) ** 2).sum(axis=(0, 2))
-        lengthwise = 0.5 * (np.abs(along) ** 2).sum(axis=0)
-        outer = axis[:, :, None] * axis[:, None]
-        across = _GAUSS * p.point_across * np.sqrt(np.maximum(whole - lengthwise, 0.0))
-        resistance = across[:, None, None] * (np.eye(3) - outer)
-        resistance += (_GAUSS * p.point_along * np.sqrt(lengthwise))[:, None, None] * outer
-        loads = np.einsum("nij,nik->njk", points, resistance)  # (n, 6, 3)
-        return damping + np.einsum("njk,nkl->jl", loads, points), np.einsum("njk,cnk->cj", loads, water)
+        lengthwise = 0.5 * (np.abs(np.einsum("cni,ni->cn", relative, p.point_axis)) ** 2).sum(axis=0)
+        across = np.sqrt(np.maximum(whole - lengthwise, 0.0))
+        return Deviation(np.sqrt(0.5 * (np.abs(velocity) ** 2).sum(axis=0)), across, np.sqrt(lengthwise))
+
+
+class NearLoads:
+    """Loads on a platform near rest, for linear models: with linear drag, given forces of waves and a given memory.
+
+    `wt_gym.hydrodynamics.loads_kernels.platform_force` makes them from ``arrays``, which `set` prepares for a motion.
+
+    Parameters
+    ----------
+    platform : Platform
+    dt : float
+        Length of a step [s].
+    sea : WaveComponents or None
+        Its current pushes; its waves make the drag linear after `meet_waves`.
+
+    Attributes
+    ----------
+    loads : PlatformLoads
+        In this sea, with their drag.
+    arrays : PlatformArrays
+        Without waves, drag, and the part of the radiation that belongs to a step.
+    """
+
+    def __init__(self, platform: Platform, dt: float, sea: WaveComponents | None) -> None:
+        self.loads = PlatformLoads(platform, dt)
+        self.loads.set_sea(sea)
+        p, n = self.loads.arrays, len(self.loads.arrays.point_across)
+        self._points = DragPoints(p.point_position, p.point_axis, p.point_across, p.point_along)
+        self._deviation = Deviation(np.zeros(6), np.zeros(n), np.zeros(n))
+        self.arrays = p._replace(
+            point_across=np.zeros(n), point_along=np.zeros(n), quadratic_damping=np.zeros((6, 6)),
+            instant_damping=platform.linear_damping.copy(), excitation=np.zeros(6), elevation=np.zeros(1),
+        )  # fmt: skip
+
+    def meet_waves(self, mass: Array, stiffness: Array) -> HarmonicMotion:
+        """Make the drag linear for the motion in the sea, which is returned; see `WaveResponse.solve`."""
+        motion = WaveResponse(self.loads).solve(mass, stiffness)
+        self._deviation = motion.deviation
+        self.arrays.instant_damping[:] = self.loads.linear_damping(motion.deviation.platform)
+        return motion
+
+    def set(self, memory: Array, waves: Array, rotation: Array, velocity: Array, omega: Array) -> None:
+        """Let the next forces be those for a memory of the water (r,), a force of waves (6,) and this motion."""
+        p, points = self.arrays, self._points
+        p.radiation_force[:], p.excitation[:] = p.radiation_output @ memory, waves
+        if p.current.any() or self._deviation.across.any():
+            points = points._replace(position=points.position @ rotation.T, axis=points.axis @ rotation.T)
+            drag = linear_drag(points, p.current, self._deviation.across, self._deviation.along)
+            p.excitation[:] += drag.force - drag.damping @ np.concatenate([velocity, omega])
+
+    def memory_rate(self, memory: Array) -> Array:
+        """Rate (r,) of the memory of the water for the motion of the last forces."""
+        a, b, _ = self.loads.radiation
+        return np.asarray(a @ memory + b @ self.arrays.velocity_candidate)

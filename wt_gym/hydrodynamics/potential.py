@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from wt_gym.base.errors import InflowError
 from wt_gym.base.options import option, option_record
-from wt_gym.base.quantities import Array
+from wt_gym.base.quantities import Array, Integers
 from wt_gym.hydrodynamics.record import Record, fail
 
 Complexes = NDArray[np.complex128]
@@ -185,6 +185,11 @@ class StateSpace(NamedTuple):
     """Shape (n, 6)."""
     c: Array
     """Shape (6, n)."""
+
+    @property
+    def motion(self) -> Integers:
+        """Which of the six motions drives each state of `fit_radiation`, shape (n,)."""
+        return np.repeat(np.abs(self.b[1::2]).argmax(axis=1), 2)
 
     def response(self, frequency: ArrayLike) -> Complexes:
         """Return C (jω - A)^-1 B at frequencies [rad/s], shape (frequency, 6, 6)."""

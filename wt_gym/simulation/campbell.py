@@ -147,8 +147,8 @@ def campbell(  # noqa: PLR0913
 
 
 def _whirl_names(modes: Iterable[Mode]) -> dict[str, Mode]:
-    """Modes by name; the tilt and yaw modes at standstill begin the branches: the lower one the regressive."""
-    table = {mode.name: mode for mode in modes}
+    """Modes of the structure by name; tilt and yaw modes at standstill begin the branches: the lower the regressive."""
+    table = {mode.name: mode for mode in modes if not mode.name.startswith("radiation_")}
     for name in [n for n in table if n.endswith(" tilt")]:
         base = name.removesuffix(" tilt")
         pair = [table.pop(n) for n in (name, f"{base} yaw") if n in table]

@@ -105,6 +105,8 @@ _PER_BLADE = (
 )
 _MOTIONS = (("surge", "x", EVEN), ("sway", "y", ODD), ("heave", "z", EVEN),
             ("roll", "x", ODD), ("pitch", "y", EVEN), ("yaw", "z", ODD))  # fmt: skip
+MOTIONS = tuple(name for name, _, _ in _MOTIONS)
+"""Of a floater, in their order."""
 _PLATFORM = (
     *((f"platform_{name}", "m" if k < 3 else "rad", f"Ptfm{name.title()}", parity,
        f"{'Displacement' if k < 3 else 'Rotation'} of the platform at the still water level, {name}")
@@ -299,6 +301,7 @@ def new_values(n_blades: int, n_lines: int | None = None) -> tuple[Array, dict[s
 
 
 _BLADES = re.compile(r"(blade_\d|pitch_|(flap|edge|torsion)_\d+_(collective|cosine|sine))")
+_FLOATER = re.compile(rf"(?:platform|radiation)_({'|'.join(MOTIONS)})(?:_\d+)?")
 _SHAFT = ("azimuth", "shaft_torsion")
 _YAW = ("yaw", "yaw_twist")
 _PLANES = {"fore_aft": EVEN, "side_side": ODD, "torsion": ODD}
@@ -320,7 +323,7 @@ def reflected_shapes(shapes: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def state_parity(name: str) -> int:
-    """Parity of a state of the multibody system under the reflection.
+    """Parity of a state of the multibody system or the water about a floater under the reflection.
 
     Coordinates of blades and shaft are in frames that are reflected with them; those of the tower are along axes that
     stay.
@@ -328,7 +331,7 @@ def state_parity(name: str) -> int:
     Parameters
     ----------
     name : str
-        Of `MultibodySystem.state_names`, rates included.
+        Of `MultibodySystem.state_names`, rates included, or of a linear model of a floater.
 
     Raises
     ------
@@ -340,8 +343,8 @@ def state_parity(name: str) -> int:
         return EVEN
     if base in _YAW:
         return ODD
-    if base.startswith("platform_"):
-        return next(parity for name, _, parity in _MOTIONS if base == f"platform_{name}")
+    if (match := _FLOATER.fullmatch(base)) is not None:
+        return next(parity for name, _, parity in _MOTIONS if name == match[1])
     for pattern, parities in ((r"(\w+)_\d+", _PLANES), (r"(?:tower_)?node_\d+_(\w+)", _DIRECTIONS)):
         match = re.fullmatch(pattern, base)
         if match and match[1] in parities:

@@ -14,7 +14,11 @@ from scipy.optimize import linear_sum_assignment
 
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.quantities import Array, Integers
-from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.hydrodynamics.loads import PlatformLoads
+from wt_gym.hydrodynamics.platform import Platform
+from wt_gym.hydrodynamics.waves import WaveComponents
+from wt_gym.simulation.channels import MOTIONS, Signals, channel_table, parities, state_parities
+from wt_gym.turbines.variants import REFLECTION_6
 
 _PARTS = ("collective", "cosine", "sine")
 _GROUPS = "|".join(dict.fromkeys(c.name[:-2] for c in channel_table(3) if c.name.endswith("_3")))
@@ -32,7 +36,7 @@ class SteadyPoint:
     yaw: float  #: Nacelle yaw [rad]
     generator_torque: float  #: High-speed shaft [N m]; negative when the generator must drive the rotor
     azimuth: Array  #: At which the model was evaluated [rad]; array (n_azimuths,)
-    states: Array  #: Of the multibody system; array (n_azimuths, n_state)
+    states: Array  #: Of the multibody system, then those of the radiation; array (n_azimuths, n_state)
     outputs: Array  #: Mean of all channels over the azimuths; array (n_channels,)
     residual: float
     """Largest remaining acceleration of the averaged equations, in accelerations of the rotor's points [m/s²]."""
@@ -41,6 +45,32 @@ class SteadyPoint:
     def signals(self) -> Signals:
         """Mean of the channels as :class:`Signals`."""
         return Signals(self.outputs, len(self.pitch))
+
+
+@dataclass(frozen=True)
+class WaveForces:
+    """Forces of waves on a floater, the sum of Re amplitude e^{iωt}: the inputs "wave_force_surge", … of its models."""
+
+    frequency: Array  #: ω [rad/s]; array (c,)
+    amplitude: NDArray[np.complex128]  #: Along and about global axes at the origin [N, N m]; array (c, 6), complex
+
+    @classmethod
+    def of(cls, platform: Platform, sea: WaveComponents) -> WaveForces:
+        """Forces of the waves of a sea on a platform, without drag.
+
+        Raises
+        ------
+        InflowError
+            If a component is outside of the table of the excitation.
+        """
+        loads = PlatformLoads(platform, 1.0)
+        loads.set_sea(sea)
+        return cls(loads.arrays.wave_frequency, loads.wave_force)
+
+    def inputs(self, time: ArrayLike) -> dict[str, Array]:
+        """Inputs at times (n_t,) [s], as `LinearModel.response` takes them."""
+        series = (np.exp(1j * np.multiply.outer(np.asarray(time, dtype=float), self.frequency)) @ self.amplitude).real
+        return {f"wave_force_{motion}": series[:, k] for k, motion in enumerate(MOTIONS)}
 
 
 class RotorPoint(Protocol):
@@ -85,6 +115,7 @@ class LinearModel:
     """state_names, input_names, output_names: the rate of a coordinate "name" is called "name_rate"."""
     operating_point: SteadyPoint | None = None  #: The steady state about which the model holds
     multiblade: bool = False  #: Blade quantities are collective, cosine and sine parts instead of blades 1, 2 and 3
+    waves: WaveForces | None = None  #: Of the sea for which the drag of a floater is linear
 
     def select(
         self, inputs: str | Iterable[str] | None = None, outputs: str | Iterable[str] | None = None
@@ -139,9 +170,10 @@ class LinearModel:
         return out
 
     def modes(self) -> tuple[Mode, ...]:
-        """Oscillations of the structure, lowest frequency first.
+        """Oscillations of the structure and of the water about a floater, lowest frequency first.
 
-        The drives (pitch, yaw) follow their commands without reaction of the structure: they are left out.
+        The drives (pitch, yaw) follow their commands without reaction of the structure: they are left out. Modes of the
+        memory of the water have the names of its states, "radiation_surge_1".
         """
         coordinates = _coordinates(self.state_names)
         drives = {name for name in coordinates if _is_drive(name)}
@@ -356,3 +388,36 @@ def _block(names: Sequence[str], t: Array) -> tuple[Array, tuple[str, ...]]:
     for members in triples:
         out[np.ix_(members, members)] = t
     return out, renamed
+
+
+def reflected_model(model: LinearModel, state_names: Sequence[str], n_lines: int | None) -> LinearModel:
+    """The linear model of a turbine from that of its mirror image, see `wt_gym.simulation.channels`.
+
+    Parameters
+    ----------
+    state_names : sequence of str
+        Of the states of the operating point, which a model of a locked generator does not have all.
+    n_lines : int or None
+        Mooring lines, as of `channel_table`.
+    """
+    point, waves = model.operating_point, model.waves
+    size = 3 if point is None else len(point.pitch), n_lines
+    signs = {"yaw": -1.0, "wind_y": -1.0} | {f"wave_force_{m}": s for m, s in zip(MOTIONS, REFLECTION_6, strict=True)}
+    channels = dict(zip((c.name for c in channel_table(*size)), parities(*size), strict=True))
+    inputs = np.array([signs.get(name, 1.0) for name in model.input_names])
+    outputs = np.array([channels.get(name, 1.0) for name in model.output_names])  # names of no channel are of blades
+    states = state_parities(model.state_names)
+    if point is not None:
+        point = replace(
+            point, yaw=-point.yaw, states=point.states * state_parities(state_names),
+            outputs=point.outputs * parities(*size),
+        )  # fmt: skip
+    return replace(
+        model,
+        A=model.A * np.outer(states, states),
+        B=model.B * np.outer(states, inputs),
+        C=model.C * np.outer(outputs, states),
+        D=model.D * np.outer(outputs, inputs),
+        operating_point=point,
+        waves=None if waves is None else replace(waves, amplitude=waves.amplitude * REFLECTION_6),
+    )

@@ -19,13 +19,21 @@ Small motions change the boundary condition, circulation, decambering and forces
 - ``"frozen_wake"``: all rings of the wake but the newest are frozen. This is the answer of the first instant; it lacks
   the part of the circulation that builds up while shed vorticity moves away, about a quarter.
 - ``"none"``: no air at all.
+
+Water. A floater has hydrostatics, lines and added mass as they change with its motion, and the memory of the water as
+further states, ẋ = a x + b v with the force −c x (Cummins 1962; Perez and Fossen 2009; `fit_radiation`), v its velocity
+in axes turned by its yaw. Drag is quadratic: of a small motion in still water it has no part. A current pushes the
+floater in its operating point and makes drag linear; so do waves, by their standard deviations
+(`wt_gym.hydrodynamics.loads.WaveResponse`). Waves push as inputs: their force depends on their frequency, before a
+crest arrives too, so that no states lead from the elevation to it. `LinearModel.waves` and `WaveForces.of` have
+the inputs of a sea. Slow drift, of second order, is not in them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,13 +44,15 @@ from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.aerodynamics.wake.wake_kernels import velocity_behind_disc
 from wt_gym.base.errors import SimulationError, did_you_mean
 from wt_gym.base.quantities import GRAVITY, Array
-from wt_gym.hydrodynamics.loads import PlatformLoads
+from wt_gym.hydrodynamics.loads import NearLoads
+from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.simulation.channels import channel_table, parities, state_parities
+from wt_gym.simulation.channels import MOTIONS, channel_table
 from wt_gym.simulation.contract import SimulatorState
-from wt_gym.simulation.linear_model import LinearModel, SteadyPoint, multiblade_model
+from wt_gym.simulation.linear_model import LinearModel, SteadyPoint, WaveForces, multiblade_model, reflected_model
 from wt_gym.simulation.models import place_nacelle
-from wt_gym.simulation.step import coupling_kernels
+from wt_gym.simulation.start import rigid_body
+from wt_gym.simulation.step import coupling_kernels, water_kernels
 from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.coupling_data import Extremes, MeasuredState, Measurement, TowerAir, Water
 from wt_gym.turbines import Turbine
@@ -58,6 +68,8 @@ SPEED_STEP = 0.05
 """Velocity of the rotor's points by which rates are changed, and wind speed [m/s]."""
 TORQUE_STEP = 100.0
 """Change of the generator torque [N m]; the equations are linear in it."""
+FORCE_STEP, MEMORY_STEP = 1e5, 100.0
+"""Change of forces of waves [N, N m] and states of the radiation; the equations are linear in both."""
 
 
 def linearize(  # noqa: PLR0913
@@ -78,15 +90,18 @@ def linearize(  # noqa: PLR0913
 ) -> LinearModel:
     """Linear model of a turbine about a steady operating point, which is found first.
 
-    States are the elastic coordinates and joint angles of the structure, their rates, and the angles and rates of the
-    yaw and pitch drives. Inputs are "pitch_1", … and "pitch_collective" (demands of the drives [rad]), "yaw" (demand
+    States are the elastic coordinates and joint angles of the structure, their rates, the angles and rates of the
+    yaw and pitch drives, and of a floater those of the radiation, "radiation_surge_1", …: each is driven by the motion
+    in its name. Inputs are "pitch_1", … and "pitch_collective" (demands of the drives [rad]), "yaw" (demand
     [rad]), "generator_torque" (high-speed shaft [N m]), "wind_speed" (uniform change along the mean wind [m/s]),
-    "wind_x", "wind_y" and "wind_z". Outputs are channels of the simulator. The drives have no rate limits here.
+    "wind_x", "wind_y" and "wind_z", and of a floater "wave_force_surge", … "wave_force_yaw" (force and moment of the
+    waves at its origin along global axes [N, N m]). Outputs are channels of the simulator. The drives have no rate
+    limits here.
 
     Parameters
     ----------
     simulator : Simulator
-        Gives turbine, fidelity and inflow; its own state is not changed.
+        Gives turbine, fidelity, inflow and sea; its own state is not changed.
     operating_point : object, optional
         With attributes ``rotor_speed`` [rad/s] and ``pitch`` [rad].
     wind_speed : float, optional
@@ -112,8 +127,8 @@ def linearize(  # noqa: PLR0913
         Azimuths, equally spaced within one blade passage, over which the trim (and with ``multiblade`` the model) is
         averaged. A parked rotor has one.
     outputs : sequence of str, optional
-        Channel names, or names of blade channels without their number for all blades; by default all but "time" and
-        the extremes since the last sample, which no linear model has.
+        Channel names, or names of blade channels without their number for all blades; by default all but "time",
+        and "wave_elevation" and the extremes since the last sample, which no linear model has.
 
     Raises
     ------
@@ -136,13 +151,16 @@ def linearize(  # noqa: PLR0913
     if operating_point is not None:
         rotor_speed = operating_point.rotor_speed if rotor_speed is None else rotor_speed
         pitch = operating_point.pitch if pitch is None else pitch
-    if rotor_speed is None:
-        point, wakes = _present(plant, simulator)
-    else:
-        yaw = -yaw if simulator.mirrored else yaw
-        point, wakes = trim_plant(
-            plant, rotor_speed, 0.0 if pitch is None else pitch, yaw, generator_torque, azimuth, n_azimuths
-        )
+
+    def find() -> tuple[SteadyPoint, list[Wake | None]]:
+        if rotor_speed is None:
+            return _present(plant, simulator)
+        angle, felt = 0.0 if pitch is None else pitch, -yaw if simulator.mirrored else yaw
+        return trim_plant(plant, rotor_speed, angle, felt, generator_torque, azimuth, n_azimuths)
+
+    point, wakes = find()
+    if plant.meet_waves(point.states[0]):
+        point, wakes = find()
     names = _output_names(plant.turbine, outputs)
     count = len(point.azimuth) if multiblade else 1
     models = []
@@ -151,41 +169,14 @@ def linearize(  # noqa: PLR0913
         model = _differentiate(plant, point, k, names)
         models.append(multiblade_model(model, point.azimuth[k], point.rotor_speed) if multiblade else model)
     mean = {key: np.mean([getattr(m, key) for m in models], axis=0) for key in "ABCD"}
-    model = replace(models[0], **mean)
-    return _reflected_model(model, plant) if simulator.mirrored else model
+    model = replace(models[0], **mean, waves=plant.waves)
+    return reflected_model(model, plant.state_names, plant.turbine.n_lines) if simulator.mirrored else model
 
 
 def _felt_inflow(simulator: LinearizedSimulator, wind_speed: float | None) -> Inflow:
     """The steady wind of an operating point as the simulated image of the turbine feels it."""
     inflow = steady_inflow(simulator.inflow, wind_speed)
     return MirroredInflow.of(inflow) if simulator.mirrored else inflow
-
-
-def _reflected_point(point: SteadyPoint, plant: FrozenPlant) -> SteadyPoint:
-    """The operating point of a turbine from that of its mirror image, see `wt_gym.simulation.channels`."""
-    return replace(
-        point,
-        yaw=-point.yaw,
-        states=point.states * state_parities(plant.system.state_names),
-        outputs=point.outputs * parities(plant.n_blades, plant.turbine.n_lines),
-    )
-
-
-def _reflected_model(model: LinearModel, plant: FrozenPlant) -> LinearModel:
-    """The linear model of a turbine from that of its mirror image, see `wt_gym.simulation.channels`."""
-    size = plant.n_blades, plant.turbine.n_lines
-    channels = dict(zip((c.name for c in channel_table(*size)), parities(*size), strict=True))
-    inputs = np.array([-1.0 if name in ("yaw", "wind_y") else 1.0 for name in model.input_names])
-    outputs = np.array([channels.get(name, 1.0) for name in model.output_names])  # names of no channel are of blades
-    states = state_parities(model.state_names)
-    return replace(
-        model,
-        A=model.A * np.outer(states, states),
-        B=model.B * np.outer(states, inputs),
-        C=model.C * np.outer(outputs, states),
-        D=model.D * np.outer(outputs, inputs),
-        operating_point=None if model.operating_point is None else _reflected_point(model.operating_point, plant),
-    )
 
 
 def steady_inflow(inflow: Inflow, wind_speed: float | None = None) -> SteadyInflow:
@@ -321,7 +312,7 @@ def _mean_outputs(plant: FrozenPlant, states: Sequence[Array], wakes: Sequence[W
 def _present(plant: FrozenPlant, simulator: LinearizedSimulator) -> tuple[SteadyPoint, list[Wake | None]]:
     """The simulator's present state as an operating point, with its current wake."""
     state = simulator.state().arrays
-    y = state["history_y"][-1].copy()
+    y = np.concatenate([state["history_y"][-1], state.get("platform_radiation_state", ())])
     command = state["command"]
     plant.set_commands(command[0], command[1], command[2:])
     wake = plant.present_wake(simulator.coupling.aero, y)
@@ -342,7 +333,8 @@ def _present(plant: FrozenPlant, simulator: LinearizedSimulator) -> tuple[Steady
 def _output_names(turbine: Turbine, chosen: str | Sequence[str] | None) -> tuple[str, ...]:
     """Channel names from channels and groups of blade channels."""
     n_blades = turbine.n_blades
-    known = [c.name for c in channel_table(n_blades, turbine.n_lines) if c.group not in Extremes._fields]
+    without = (*Extremes._fields, "wave_elevation")
+    known = [c.name for c in channel_table(n_blades, turbine.n_lines) if c.group not in without]
     if chosen is None:
         return tuple(name for name in known if name != "time")
     out = []
@@ -364,7 +356,7 @@ def _differentiate(plant: FrozenPlant, point: SteadyPoint, k: int, output_names:
     chosen = [channels.index(name) for name in output_names]
     turns = np.array([channels[i] in ("azimuth", "yaw_error") for i in chosen])
     locked = {plant.structure.azimuth_q, system.n_q + plant.structure.azimuth_u} if plant.hold_speed else set()
-    kept = [i for i in range(system.n_state) if i not in locked]
+    kept = [i for i in range(len(y)) if i not in locked]
 
     def evaluate(state: Array) -> tuple[Array, Array]:
         dy = plant.rates(state)
@@ -394,7 +386,7 @@ def _differentiate(plant: FrozenPlant, point: SteadyPoint, k: int, output_names:
         rate, out = quotient(sides[0], sides[1], 2.0 * width)
         b.append(rate)
         d.append(out)
-    names = tuple(system.state_names[i] for i in kept)
+    names = tuple(plant.state_names[i] for i in kept)
     return LinearModel(
         np.array(a).T, np.array(b).T, np.array(c).T, np.array(d).T, names, tuple(inputs), output_names, point
     )
@@ -424,6 +416,10 @@ class LinearizedSimulator(Protocol):
     @property
     def mirrored(self) -> bool:
         """Whether structure and air are those of the mirror image."""
+
+    @property
+    def sea(self) -> WaveComponents | None:
+        """Waves and current that a floater meets."""
 
     @property
     def coupling(self) -> Coupling:
@@ -477,6 +473,10 @@ class FrozenPlant:
         Those of each blade.
     reach : array (n_u,)
         Largest speed of a point of the rotor for a unit rate of each coordinate.
+    state_names : tuple of str
+        Those of the multibody system, then those of the radiation of a floater.
+    waves : WaveForces or None
+        Of the sea, with their drag; known after `meet_waves`.
     torque, reaction : float
         Commanded generator torque and the torque that held the speed in the last evaluation [N m, high-speed shaft].
     wake : Wake or None
@@ -502,11 +502,17 @@ class FrozenPlant:
                 "frames need 'clamped', with which their equations are those of the structure's coordinates"
             )
         self.inflow, self._wind = inflow, _Gust(inflow)
-        floater = self.turbine.floater
-        self._platform = None if floater is None else PlatformLoads(replace(floater, gravity=GRAVITY), models.time_step)
-        self._water = None
-        if self._platform is not None:
-            self._water = Water.of(self.turbine, self.structure, self._platform.arrays)
+        self.state_names, self.waves = tuple(system.state_names), cast("WaveForces | None", None)
+        self._near, self._water = cast("NearLoads | None", None), cast("Water | None", None)
+        self._n_memory, sea = 0, simulator.sea
+        if self.turbine.floater is not None:
+            sea = sea.mirrored() if simulator.mirrored and sea is not None else sea
+            self._near = NearLoads(replace(self.turbine.floater, gravity=GRAVITY), self.time_step, sea)
+            self._water = Water.of(self.turbine, self.structure, self._near.arrays)
+            motions = self._near.loads.radiation.motion.tolist()
+            count = [motions[: k + 1].count(motion) for k, motion in enumerate(motions)]
+            self.state_names += tuple(f"radiation_{MOTIONS[m]}_{k}" for m, k in zip(motions, count, strict=True))
+            self._n_memory = len(motions)
         self.with_air, self.hold_speed = aerodynamics != "none", hold_speed
         self._near_wake = NEAR_WAKE if aerodynamics == "quasi_steady" else 0.0
         self._allocate()
@@ -520,6 +526,27 @@ class FrozenPlant:
         servos = n_q + system.n_u + system.n_servo + np.arange(system.n_servo)
         self._servo_reach = np.array([self._reach_of(i) for i in servos.tolist()])
 
+    def meet_waves(self, y: Array) -> bool:
+        """Make the drag of a floater linear for its motion in the waves about the state y.
+
+        Returns
+        -------
+        bool
+            Whether the mean drag has changed, and with it the state of balance.
+        """
+        if self._near is None or self._water is None or self._near.loads.components is None:
+            return False
+
+        def load(state: Array) -> None:
+            self._move(state)
+            self._float(np.zeros(self._n_memory))
+
+        places = self.system.index(self._water.body, "joint_q") + np.arange(6)
+        start = y[: self.system.n_state].copy()
+        motion = self._near.meet_waves(*rigid_body(self.system, start, self.inputs, self.work, places, load))
+        self.waves = WaveForces(self._near.arrays.wave_frequency, motion.force)
+        return bool(self._near.arrays.current.any() and motion.force.any())
+
     def _allocate(self) -> None:
         """Arrays of the exchange between structure and air."""
         n, shape = self.n_blades, self.lattice.nodes_shape
@@ -531,7 +558,9 @@ class FrozenPlant:
         self._tower = TowerAir.of(self.turbine, self.structure)
         self._tower_axis = self._tower.position.copy()
         self._measurement = Measurement(self.turbine, self.structure)
-        self._base = np.zeros(2 + n + 3)  # torque, yaw, pitch of each blade, change of the wind
+        wave = n + (5 if self._water is None else 11)
+        self._demands, self._gust, self._waves = slice(2 + n), slice(2 + n, 5 + n), slice(5 + n, wave)
+        self._base = np.zeros(wave)  # torque, yaw, pitch of each blade, change of the wind, force of waves
         self._command = self._base.copy()
         self.wake: Wake | None = None
         self.reaction = 0.0
@@ -539,7 +568,7 @@ class FrozenPlant:
     def _move(self, y: Array) -> None:
         """Kinematics and lattice points of the state y."""
         s, work = self.structure, self.work
-        tree_kernels.kinematics(y, self.system.tree, work)
+        tree_kernels.kinematics(y[: self.system.n_state], self.system.tree, work)
         self._elastic = [np.array(part) for part in zip(*(s.elastic(b, y) for b in self._lattice_bodies), strict=True)]
         coupling_kernels.rotor_motion(
             work.rot, work.r, work.v, work.omega, *self._elastic, s.lattice_points, self._lattice_bodies,
@@ -563,15 +592,18 @@ class FrozenPlant:
 
     def set_commands(self, torque: float, yaw: float, pitch: ArrayLike) -> None:
         """Commands of the operating point: torque [N m], yaw [rad] and pitch (n_blades,) [rad]."""
-        self._base[0], self._base[1], self._base[2:-3] = torque, yaw, pitch
+        self._base[0], self._base[1], self._base[self._demands][2:] = torque, yaw, pitch
         self.change_inputs(np.zeros_like(self._base))
 
     def change_inputs(self, change: Array) -> None:
-        """Inputs that differ from the operating point by ``change``: torque, yaw, pitch of each blade, wind (3)."""
+        """Inputs that differ from the operating point by ``change``.
+
+        They are torque, yaw, pitch of each blade, wind (3), and the force of the waves on a floater (6).
+        """
         self._command = self._base + change
-        self._wind.change = self._command[-3:]
+        self._wind.change = self._command[self._gust]
         self._set_torque(self._command[0])
-        self.inputs.servo_command[:] = self._command[1:-3]
+        self.inputs.servo_command[:] = self._command[self._demands][1:]
 
     def _set_torque(self, torque: float) -> None:
         drive = self.turbine.drivetrain
@@ -592,7 +624,7 @@ class FrozenPlant:
         unit = np.eye(len(self._base))
         yaw, pitch = motion / self._servo_reach[0], motion / self._servo_reach[1]
         out = {f"pitch_{i + 1}": (pitch * unit[2 + i], pitch) for i in range(self.n_blades)}
-        out["pitch_collective"] = (pitch * unit[2:-3].sum(axis=0), pitch)
+        out["pitch_collective"] = (pitch * unit[self._demands][2:].sum(axis=0), pitch)
         out["yaw"] = (yaw * unit[1], yaw)
         if not self.hold_speed:
             out["generator_torque"] = (torque * unit[0], torque)
@@ -600,9 +632,11 @@ class FrozenPlant:
         wind = self.inflow.velocity(hub, 0.0)[0]
         size = np.linalg.norm(wind)
         along = wind / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
-        out["wind_speed"] = (speed * along @ unit[-3:], speed)
-        for k, axis in enumerate("xyz"):
-            out[f"wind_{axis}"] = (speed * unit[-3 + k], speed)
+        out["wind_speed"] = (speed * along @ unit[self._gust], speed)
+        for axis, row in zip("xyz", unit[self._gust], strict=True):
+            out[f"wind_{axis}"] = (speed * row, speed)
+        for name, row in zip(MOTIONS, unit[self._waves], strict=False):
+            out[f"wave_force_{name}"] = (FORCE_STEP * row, FORCE_STEP)
         return out
 
     def step_of(self, i: int, motion: float, speed: float) -> float:
@@ -614,15 +648,17 @@ class FrozenPlant:
             return float(speed / self.reach[i - n_u])
         if i < 2 * n_u + n_s:
             return float(motion / self._servo_reach[i - 2 * n_u])
-        return float(speed / self._servo_reach[i - 2 * n_u - n_s])
+        if i < 2 * n_u + 2 * n_s:
+            return float(speed / self._servo_reach[i - 2 * n_u - n_s])
+        return MEMORY_STEP
 
     def steady_state(self, azimuth: float, rotor_speed: float, q: Array, u: Array) -> Array:
         """State with the drives at rest at their commands and elastic coordinates q and rates u (n_elastic,)."""
-        y: Array = self.system.initial_state()
+        y = np.concatenate([self.system.initial_state(), np.zeros(self._n_memory)])
         n = self.system.n_u
         y[self.elastic], y[n + self.elastic] = q, u
         y[self.structure.azimuth_q], y[n + self.structure.azimuth_u] = azimuth, rotor_speed
-        y[2 * n : 2 * n + self.system.n_servo] = self._base[1:-3]
+        y[2 * n : 2 * n + self.system.n_servo] = self._base[self._demands][1:]
         return y
 
     # ---- wake --------------------------------------------------------------------------------------------------------
@@ -706,7 +742,8 @@ class FrozenPlant:
             self.lattice.body_wind[:] = self._wind.velocity(self.lattice.bodies.control_points, 0.0)
         if self.fidelity.tower_shadow and self.fidelity.tower_body is None:
             wind = np.array(wind + slowing, dtype=np.float64)
-            self.tower_flow.add(self._nodes, wind, self.work.r[self.structure.nacelle])
+            base = None if self.structure.floater is None else self.work.r[self.structure.tower]
+            self.tower_flow.add(self._nodes, wind, self.work.r[self.structure.nacelle], base)
             wind -= slowing
         return wind
 
@@ -715,7 +752,7 @@ class FrozenPlant:
     def _load(self, y: Array) -> None:
         """Loads of the air for the state y into the inputs; kinematics are up to date."""
         self._move(y)
-        self._float()
+        self._float(y[self.system.n_state :])
         if not self.with_air:
             return
         wake = self.wake
@@ -735,21 +772,30 @@ class FrozenPlant:
             self.structure.sub_body_nodes, loads[1],
         )  # fmt: skip
         self._tower.wind[:] = self._wind.velocity(self._tower_axis, 0.0)
-        coupling_kernels.tower_drag(y, self.system.tree, self.work, self._tower, loads[1][self.structure.tower])
+        coupling_kernels.tower_drag(
+            y[: self.system.n_state], self.system.tree, self.work, self._tower, loads[1][self.structure.tower]
+        )
         loads[0] = loads[1]
 
-    def _float(self) -> None:
-        """Static loads of water and lines on a floater; kinematics are up to date."""
-        b = self.structure.floater
-        if self._platform is None or b is None:
+    def _float(self, memory: Array) -> None:
+        """Loads of water and lines on a floater with states of the radiation (r,); kinematics are up to date."""
+        water, work = self._water, self.work
+        if self._near is None or water is None:
             return
-        rotation = self.work.rot[b]
-        force = self._platform.static_force(self.work.r[b].copy(), rotation.copy())
-        self.inputs.body_loads[:, b, :3], self.inputs.body_loads[:, b, 3:6] = force[:3] @ rotation, force[3:] @ rotation
+        b, loads = water.body, self.inputs.body_loads
+        water_kernels.floater_motion(work, water)
+        self._near.set(memory, self._command[self._waves], work.rot[b], water.velocity, water.spin)
+        self._near.loads.require(water_kernels.floater_loads(work, water, loads[1, b]), work.r[b], work.rot[b])
+        loads[0, b] = loads[1, b]
 
     def rates(self, y: Array) -> Array:
-        """dy/dt (n_state,) of the structure in the state y."""
+        """dy/dt of the structure and of the memory of the water in the state y."""
         self._load(y)
+        dy = self._structure_rates(y[: self.system.n_state])
+        return dy if self._near is None else np.concatenate([dy, self._near.memory_rate(y[self.system.n_state :])])
+
+    def _structure_rates(self, y: Array) -> Array:
+        """Rates of the structure under the loads of the state y."""
         dy: Array = self.system.rates(y, self.inputs, self.work)
         if not self.hold_speed:
             return dy
@@ -769,7 +815,8 @@ class FrozenPlant:
     def outputs(self, y: Array, dy: Array) -> Array:
         """All channels (n_channels,) for the state y whose rates dy were just computed."""
         nodes, _, forces = self._flat
-        instant = MeasuredState(y, dy, self.inputs.body_loads[1], self.work, nodes, forces)
+        n = self.system.n_state
+        instant = MeasuredState(y[:n], dy[:n], self.inputs.body_loads[1], self.work, nodes, forces)
         torque = self.reaction if self.hold_speed else self._command[0]
-        self._measurement.take(0.0, instant, torque, self._command[:-3], self._wind, self._water)
+        self._measurement.take(0.0, instant, torque, self._command[self._demands], self._wind, self._water)
         return self._measurement.values.copy()

@@ -135,6 +135,40 @@ def _newton_step(residual: Callable[[Array], Array], y: Array, q: Integers, step
     return jacobian, np.asarray(np.linalg.solve(jacobian, -here), dtype=np.float64)
 
 
+def rigid_body(
+    system: MultibodySystem, y: Array, inputs: Inputs, work: Work, places: Integers, load: Callable[[Array], None],
+    step: float = 1e-3,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Mass and stiffness (6, 6) of turbine and floater as one rigid body about a balance.
+
+    Parameters
+    ----------
+    system : MultibodySystem
+    y : array (n_state,)
+        State of the balance.
+    inputs, work : arrays of the system
+    places : array of int (6,)
+        Coordinates of the floater.
+    load : callable
+        Brings the loads of the floater up to date for a state.
+    step : float
+        Displacement for the differences [m, rad].
+    """
+
+    def force(state: Array) -> tuple[Array, Array]:
+        load(state)
+        mass, forces = system.balance(state, inputs, work)
+        return mass[np.ix_(places, places)].copy(), forces[places].copy()
+
+    columns = []
+    for place in places:
+        up, down = y.copy(), y.copy()
+        up[place], down[place] = up[place] + step, down[place] - step
+        columns.append((force(down)[1] - force(up)[1]) / (2.0 * step))
+    mass = force(y)[0]
+    return np.tril(mass) + np.tril(mass, -1).T, np.array(columns).T
+
+
 PASSES = 3
 """Passes between wake and elastic deformation."""
 
@@ -253,7 +287,7 @@ class Starter:
             return None
         system, q = s.system, s.system.index(b, "joint_q")
         places = q + np.arange(6)
-        amid = response.start(*self._rigid_body(y, places))
+        amid = response.start(*rigid_body(system, y, c.integrator.inputs, c.integrator.work, places, c.float_at_rest))
         if platform is None and not np.any(amid.displacement):
             return None
         if platform is not None:
@@ -264,24 +298,6 @@ class Starter:
         elastic_equilibrium(system, y, c.integrator.inputs, c.integrator.work, (s.azimuth_u, *places.tolist()),
                             _balances_forces(c.models.fidelity))  # fmt: skip
         return amid.radiation
-
-    def _rigid_body(self, y: Array, places: Integers, step: float = 1e-3) -> tuple[Array, Array]:
-        """Mass and stiffness (6, 6) of turbine and floater as one rigid body about a balance."""
-        c = self._balanced
-        system, inputs, work = c.models.structure.system, c.integrator.inputs, c.integrator.work
-
-        def force(state: Array) -> tuple[Array, Array]:
-            c.float_at_rest(state)
-            mass, forces = system.balance(state, inputs, work)
-            return mass[np.ix_(places, places)].copy(), forces[places].copy()
-
-        columns = []
-        for place in places:
-            up, down = y.copy(), y.copy()
-            up[place], down[place] = up[place] + step, down[place] - step
-            columns.append((force(down)[1] - force(up)[1]) / (2.0 * step))
-        mass = force(y)[0]
-        return np.tril(mass) + np.tril(mass, -1).T, np.array(columns).T
 
     def _sway(self, y: Array, tower_top: Array) -> None:
         """Displacement and motion of the tower top (y, in place) in its first modes."""

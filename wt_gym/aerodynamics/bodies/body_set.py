@@ -681,7 +681,7 @@ class TowerFlow:
             raise AerodynamicsError(f"tower diameters {diameters} must be positive, at increasing stations {stations}")
         self.base, self.stations, self.radii = base, stations, 0.5 * diameters
 
-    def add(self, points: Array, wind: Array, top: Array) -> None:
+    def add(self, points: Array, wind: Array, top: Array, base: Array | None = None) -> None:
         """Add the flow past the tower to the wind, in place.
 
         Parameters
@@ -692,6 +692,8 @@ class TowerFlow:
             Undisturbed wind there [m/s], changed; float64, contiguous.
         top : ndarray, shape (3,)
             Upper end of the tower axis [m].
+        base : ndarray, shape (3,), optional
+            Lower end [m], where it moves.
 
         Raises
         ------
@@ -701,8 +703,9 @@ class TowerFlow:
         if not wind.flags.c_contiguous:
             raise AerodynamicsError(f"the wind, with strides {wind.strides}, must be contiguous")
         flat = wind.reshape(-1, 3)
-        if not tower_kernels.add_tower_flow(points.reshape(-1, 3), flat, self.base, top, self.stations, self.radii):
-            raise AerodynamicsError(f"the tower top must be above its base, got base {self.base} and top {top}")
+        base = self.base if base is None else base
+        if not tower_kernels.add_tower_flow(points.reshape(-1, 3), flat, base, top, self.stations, self.radii):
+            raise AerodynamicsError(f"the tower top must be above its base, got base {base} and top {top}")
 
 
 def tower_perturbation(
