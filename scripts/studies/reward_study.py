@@ -15,8 +15,8 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -31,9 +31,6 @@ from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.names import RESIDUAL_INTERFACE
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 RECORD = DATA / "reward_study.csv"
 BASELINE = "baseline"

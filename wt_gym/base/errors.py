@@ -5,10 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import warnings
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from collections.abc import Iterable
 
 __all__ = [
     "ActionError", "BenchmarkError", "ControllerError", "InflowError", "ServerError", "SimulationError",

@@ -11,13 +11,10 @@ import logging
 import math
 import time
 from dataclasses import astuple, dataclass
-from typing import TYPE_CHECKING, Protocol
+from types import TracebackType
+from typing import Protocol, Self
 
 from wt_gym.base.errors import ServerError, WtGymError
-
-if TYPE_CHECKING:
-    from types import TracebackType
-    from typing import Self
 
 FIRST_CALL, LAST_CALL = 0, -1
 """Status of the first message of a simulation and of the last one."""

@@ -13,9 +13,9 @@ start from the steady operating point.
 
 from __future__ import annotations
 
+import argparse
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wt_gym.commands.options import (
     MODELS,
@@ -28,9 +28,6 @@ from wt_gym.commands.options import (
     executor_of,
 )
 from wt_gym.commands.program import UNSAFE
-
-if TYPE_CHECKING:
-    import argparse
 
 EPILOG = UNSAFE
 STOPPED = "the same command without --overwrite resumes with what is in {out}"

@@ -17,13 +17,11 @@ reads what OpenFAST writes.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import argparse
+from typing import Any
 
 from wt_gym.commands.options import add_scene, add_shared, scene_of
 from wt_gym.commands.program import UNSAFE
-
-if TYPE_CHECKING:
-    import argparse
 
 EPILOG = UNSAFE
 

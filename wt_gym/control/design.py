@@ -51,21 +51,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.control.rotor import Rotor, fine_pitch, rotor_of
+from wt_gym.turbines import Support, Tower, Turbine
 from wt_gym.turbines.model import at_controller_density
 from wt_gym.wind.iec import REFERENCE_INTENSITY, turbulence_sigma
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.turbines import Support, Tower, Turbine
 
 
 def reference_flap_moment(turbine: Turbine) -> float:

@@ -6,9 +6,10 @@ import hashlib
 import importlib.util
 import logging
 import os
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.control.controllers.names import (
     ALIASES,
@@ -21,9 +22,6 @@ from wt_gym.control.controllers.names import (
     parse_name,
     source_digest,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
 
 _log = logging.getLogger(__name__)
 WORDS = ("zero", "random", "planner")

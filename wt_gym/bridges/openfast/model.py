@@ -12,27 +12,23 @@ that vanish with their slope at the clamped end and are one at the free end.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.quantities import GRAVITY, Array
 from wt_gym.bridges.openfast.templates import write_from_template
 from wt_gym.bridges.openfast.water import FILES, write_water
+from wt_gym.turbines import Polar, Turbine
 from wt_gym.turbines.blade import bending_matrices, principal_bending
 from wt_gym.turbines.openfast_text import write_lines
 from wt_gym.turbines.variants import clockwise_image, rotor_inertia_without_generator
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from numpy.typing import ArrayLike
-
-    from wt_gym.turbines import Polar, Turbine
 
 PRIMARY = "turbine.fst"
 """Name of the primary file of a model that is written here."""

@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import root
@@ -21,13 +20,11 @@ from wt_gym.base.errors import InflowError, SimulationError
 from wt_gym.base.quantities import GRAVITY, Array
 from wt_gym.bridges.openfast.templates import write_from_template
 from wt_gym.hydrodynamics.loads import PlatformLoads
+from wt_gym.hydrodynamics.platform import Platform
+from wt_gym.hydrodynamics.potential import ExcitationTable, RadiationTable
+from wt_gym.hydrodynamics.waves import WaveComponents
+from wt_gym.turbines import Turbine
 from wt_gym.turbines.openfast_text import write_lines
-
-if TYPE_CHECKING:
-    from wt_gym.hydrodynamics.platform import Platform
-    from wt_gym.hydrodynamics.potential import ExcitationTable, RadiationTable
-    from wt_gym.hydrodynamics.waves import WaveComponents
-    from wt_gym.turbines import Turbine
 
 FILES = {"SeaStFile": "seastate.dat", "HydroFile": "hydrodyn.dat", "MooringFile": "moordyn.dat"}
 """Names of the files by the keywords of the primary file."""

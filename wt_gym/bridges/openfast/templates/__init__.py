@@ -6,14 +6,11 @@ A keyword with the value ``?`` needs one, a line ``<name>`` stands for rows of a
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from importlib import resources
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from wt_gym.turbines.openfast_text import write_lines
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from pathlib import Path
 
 _KEYWORD = re.compile(r".{26}  (\S+) +-")
 
