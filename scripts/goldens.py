@@ -10,8 +10,6 @@ windIO round trips, snapshots, and the help of the commands. On another processo
 one machine.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """A stand-in for the simulator whose signals are set by the test: for the logic of the environment, not for physics."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np

@@ -15,8 +15,6 @@ in ``quantity`` and the published statement in ``source``.
 any case with the coarser arguments ``quick``.
 """
 
-from __future__ import annotations
-
 import base64
 import importlib
 import io

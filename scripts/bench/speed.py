@@ -8,8 +8,6 @@ where it does not say otherwise; the machine should be otherwise idle. The real-
 seconds of the whole simulator (NREL 5-MW, turbulent wind at 12 m/s, baseline controller).
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

@@ -1,7 +1,5 @@
 """What a fuzzed episode is made of, drawn from its number alone: the same number gives the same case for ever."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

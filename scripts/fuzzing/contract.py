@@ -1,7 +1,5 @@
 """The contract of the environment, checked from outside in each step."""
 
-from __future__ import annotations
-
 import copy
 import math
 from typing import Any, NamedTuple, cast

@@ -1,7 +1,5 @@
 """What a fuzzed environment is asked to do."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fuzzed episodes, and what they bring to light."""
 
-from __future__ import annotations
-
 import copy
 import itertools
 import traceback

@@ -12,8 +12,6 @@ A setting of the dial gives a point (fatigue, power, travel): the parts of the l
 is the volume that they dominate up to a reference point (Zitzler and Thiele, IEEE Trans. Evol. Comp. 3, 1999).
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Mapping, Sequence

@@ -15,8 +15,6 @@ starts and stops, rates of torque and pitch and loads are left out, which only h
 rotor takes more than in a steady wind for some seconds, and less in others.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

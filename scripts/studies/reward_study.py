@@ -10,8 +10,6 @@ the wind's share drops out. The runs in the folder stay: the same command resume
 docs/data/reward_study.csv has controllers that are not in the library; with --out the figure is written.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

@@ -4,8 +4,6 @@ python scripts/studies/rotor_table.py nrel_5mw --record      # into wt_gym/turbi
 python scripts/studies/rotor_table.py mine.yaml table.json
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Callable

@@ -9,8 +9,6 @@ Writes docs/data/task_scores.json. A study is one table of a page: agents in the
 controller with zero actions. Runs are stored in runs/task_scores as soon as they are done: "run" resumes them.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import re

@@ -1,7 +1,5 @@
 """A report of an evaluation as one HTML file that opens without a network."""
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Mapping, Sequence

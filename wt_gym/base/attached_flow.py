@@ -1,7 +1,5 @@
 """The lift of attached flow in a static polar: angle of zero lift and lift slope."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -8,8 +8,6 @@ of the package and stored in the user's cache: a comment that is edited or a fil
 every result stays valid.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Exceptions raised at the doors of wt_gym, which name what was given, what is allowed and where, and warnings."""
 
-from __future__ import annotations
-
 import difflib
 import re
 import warnings

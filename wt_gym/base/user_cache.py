@@ -1,7 +1,5 @@
 """Cache of the user: results that take long, kept for the next process, those not used for longest removed."""
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

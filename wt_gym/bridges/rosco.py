@@ -5,8 +5,6 @@ points in the same form. Order and units follow ROSCO's ``ZeroMQInterface.f90``,
 ``wfc_interface.yaml`` (github.com/NREL/ROSCO); numbers come with seven digits.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import time

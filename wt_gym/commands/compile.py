@@ -7,8 +7,6 @@ Compiled kernels stay in the cache (NUMBA_CACHE_DIR, else beside the package). O
 seconds. On a cluster run it once on every kind of node, before the workers start.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 

@@ -11,8 +11,6 @@ The folder gets report.html, crosscheck.md with figures, crosscheck.json with it
 start from the steady operating point.
 """
 
-from __future__ import annotations
-
 import argparse
 import shlex
 from pathlib import Path

@@ -8,8 +8,6 @@ An agent is baseline, random, a controller with parameters behind a colon, or th
 act on the rates of every blade and of the torque, a trained model as it was trained. Winds are those of training.
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

@@ -6,8 +6,6 @@
 An observation has its unit, the range of its sensor and its source on a real turbine.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from html import escape

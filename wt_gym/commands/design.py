@@ -8,8 +8,6 @@ feedback follows by least squares. Recordings lie beside the file, in a folder o
 stopped design resumes from them, and other weights need no other recordings.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

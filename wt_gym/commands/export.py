@@ -15,8 +15,6 @@ agent runs in the turbine and wind of its training, a controller in those of wt_
 reads what OpenFAST writes.
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

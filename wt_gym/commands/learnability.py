@@ -7,8 +7,6 @@
 The first use records a linear model of the turbine. docs/howto/learnability.md explains the numbers.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from dataclasses import asdict

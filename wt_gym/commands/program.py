@@ -1,7 +1,5 @@
 """What the commands share: how they are called, and how they end where something is refused or missing."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import json

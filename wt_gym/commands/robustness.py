@@ -10,8 +10,6 @@ benchmark, and "kept" is the share of the nominal gain over the base controller 
 folder of the results as soon as it is done: the same command resumes. docs/howto/variation.md describes the conditions.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

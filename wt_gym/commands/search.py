@@ -9,8 +9,6 @@ folder: the same command resumes where an earlier one was stopped.
 Exit status: as of wt-gym train.
 """
 
-from __future__ import annotations
-
 import argparse
 import signal
 import sys

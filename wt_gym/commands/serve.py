@@ -9,8 +9,6 @@ with update_setpoints(id, time, measurements) as users of ROSCO write it; zero l
 server ends with the last of them, --turbines says how many there are. Needs the extra "serve" (pyzmq).
 """
 
-from __future__ import annotations
-
 import argparse
 import logging
 

@@ -7,8 +7,6 @@
 Needs the extra "tune".
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

@@ -1,7 +1,5 @@
 """From a normalized action to the demands on pitch drives, yaw drive and generator, and back."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

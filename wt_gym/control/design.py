@@ -46,8 +46,6 @@ with ``M = n int m w^2 ds``, ``P = n int m r w ds`` and ``kappa = int w r^2 ds /
 with r^2 along the blade. Blade and hub then swing with ``w_r = w_e / sqrt(1 - P^2 / (J M))``.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

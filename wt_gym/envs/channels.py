@@ -1,7 +1,5 @@
 """Everything that can be observed: channels with unit, scale, range and noise for a turbine, and how each is read."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

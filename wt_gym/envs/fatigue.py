@@ -1,7 +1,5 @@
 """Fatigue in the reward: moments freed of their slow mean, squared, and exact damage by rainflow counting."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Instruments of an episode, with noise, offsets and delay, and the response to pitch."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Which number of an observation or action is which: for controllers, wrappers, reports and documentation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any

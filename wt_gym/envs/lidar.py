@@ -1,7 +1,5 @@
 """The lidar of an environment: which one is read, with what noise, and its channels of an observation."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

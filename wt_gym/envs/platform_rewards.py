@@ -1,7 +1,5 @@
 """Reward of a floating platform: how far it swings, and how far it leans."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

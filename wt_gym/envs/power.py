@@ -1,7 +1,5 @@
 """Power, relative to what the wind and the turbine allow."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import cast

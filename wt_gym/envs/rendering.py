@@ -4,8 +4,6 @@ matplotlib draws them. A live view is a window of its own; without a display it 
 written again at every step.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections import deque

@@ -1,7 +1,5 @@
 """Many turbines in one process, stepped by threads: the compiled step of the simulator lets others run meanwhile."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Environments of agents: those of their training, and those that an experiment runs them in."""
 
-from __future__ import annotations
-
 import json
 import platform
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Load cases as tables in text and as one HTML page that opens without a network."""
 
-from __future__ import annotations
-
 from html import escape
 from pathlib import Path
 from typing import Any

@@ -10,8 +10,6 @@ What the standard leaves to the designer is chosen here, and said in ``docs/load
 fault and stops, which sensors are wrong by how much, when in a gust things happen, how the wind stands to the rotor.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """What the names of agents mean: those of controllers (`wt_gym.control.controllers.names`), and words for agents."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import logging

@@ -3,8 +3,6 @@
 In a torch forward pass of a few observations through two hidden layers of 64, dispatch takes longer than arithmetic.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple

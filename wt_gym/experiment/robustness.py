@@ -6,8 +6,6 @@ tasks of the benchmark, wind by wind against a reference in the same condition: 
 controller that the agent acts on top of.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence

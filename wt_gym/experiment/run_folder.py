@@ -1,7 +1,5 @@
 """The folder of a training: what it holds, and a lock against two trainings in it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Identity of runs, and their results on disk: a file a run, named by the digest of its definition."""
 
-from __future__ import annotations
-
 import enum
 import functools
 import hashlib

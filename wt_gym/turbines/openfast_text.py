@@ -6,8 +6,6 @@ OpenFAST 2 to 5. A reader by line numbers, such as that of ``openfast_io``, belo
 file of another it takes the number of the line beside.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

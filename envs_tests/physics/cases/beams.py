@@ -1,7 +1,5 @@
 """One beam: static deflection, free vibration, and large deflections as a chain of floating-frame bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Flutter of Goland's wing and of rotors in overspeed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

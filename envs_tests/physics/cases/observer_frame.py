@@ -1,7 +1,5 @@
 """The blade-and-shaft example of Holm-Jørgensen, Nielsen & Rubak in local observer frames."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import pairwise

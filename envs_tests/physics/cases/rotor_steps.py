@@ -1,7 +1,5 @@
 """Rotors whose wind or pitch changes: steps, gusts, oscillation and the passing of the tower."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Stall: the S809 airfoil that pitches far, and the rotor of the Unsteady Aerodynamics Experiment."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Modes and linear models of turbines: frequencies at rest, damping, monopiles, whirl, step responses."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import cast
 

@@ -1,7 +1,5 @@
 """Outputs of OpenFAST as the signals of this package: frames, signs and units of `wt_gym.simulation.channels`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """OpenFAST behind the contract of `wt_gym.simulation.Simulator`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from os import PathLike

@@ -5,8 +5,6 @@ force there is 1/4 ρ AxCd A |v| v, so that AxCd is twice the drag coefficient. 
 statics are those of the catenaries here, with little drag of their own: this package gives lines none.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

@@ -18,8 +18,6 @@ A lidar has the records from 2001 on (OpenFAST's ``BladedInterface_EX.f90``): it
 beams times gates points all speeds, all x, all y and all z of the points.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

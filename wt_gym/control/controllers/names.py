@@ -13,8 +13,6 @@ The catalog is one table (`CATALOG`): a part's name, its place in a controller, 
 turbine, and the record that declares its parameters (`wt_gym.base.options`).
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import importlib

@@ -3,8 +3,6 @@
 A keyword with the value ``?`` needs one, a line ``<name>`` stands for rows of a table.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from importlib import resources
