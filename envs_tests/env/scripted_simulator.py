@@ -7,8 +7,7 @@ import numpy as np
 from wt_gym.base.errors import SimulationError
 from wt_gym.envs.episode_start import RunningStart
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.simulation import Signals
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation import Signals, channel_table
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 
 

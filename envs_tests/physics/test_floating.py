@@ -13,8 +13,7 @@ from envs_tests.physics.refusals import refuses
 from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.base.quantities import GRAVITY
 from wt_gym.hydrodynamics.waves import SeaState, WaveComponents
-from wt_gym.simulation import Simulator
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation import Simulator, channel_table
 from wt_gym.simulation.fidelity import fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import mirrored

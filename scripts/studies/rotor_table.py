@@ -18,9 +18,7 @@ from wt_gym.commands.program import FIDELITIES_HELP
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.rotor import RotorTable, fine_pitch
 from wt_gym.control.sensors import LowPass
-from wt_gym.simulation import Simulator
-from wt_gym.simulation.drivetrain.drives import TorqueCommand
-from wt_gym.simulation.fidelity import Fidelity
+from wt_gym.simulation import Fidelity, Simulator, TorqueCommand
 from wt_gym.turbine_records import FOLDER, RECORDS
 from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.wind import SteadyInflow

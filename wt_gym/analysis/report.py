@@ -102,7 +102,7 @@ def write_report(
 
 def _shipped(name: str) -> str:
     """Text of a file beside this module."""
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return resources.files("wt_gym.analysis").joinpath(name).read_text(encoding="utf-8")
 
 
 def _facts(evaluation: Evaluation) -> dict[str, str | None]:

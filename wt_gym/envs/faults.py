@@ -42,8 +42,7 @@ from wt_gym.simulation.drivetrain.faults import (
     StuckPitch,
     VoltageDip,
 )
-from wt_gym.turbines import Turbine
-from wt_gym.turbines.blade import BladeIce
+from wt_gym.turbines import BladeIce, Turbine
 
 NO_FAULT, ALL = "none", "all"
 """Kind of an episode in which nothing breaks, and what stands for all kinds."""

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wt_gym.base.quantities import wrapped
-from wt_gym.control import Channel
-from wt_gym.control.sensors import LowPass
+from wt_gym.control import Channel, LowPass
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import ODD, channel_table
 from wt_gym.turbines import Turbine

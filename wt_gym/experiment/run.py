@@ -27,8 +27,7 @@ from wt_gym.envs.running_record import time_scale
 from wt_gym.envs.terminations import IdleClock
 from wt_gym.envs.terms import Transition
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
-from wt_gym.simulation import Fidelity, Recorder
-from wt_gym.simulation.channels import Signals
+from wt_gym.simulation import Fidelity, Recorder, Signals
 from wt_gym.simulation.contract import TurbineSimulator, fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.fidelity import suited_fidelity

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table
-from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
-from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
+from wt_gym.aerodynamics import ENGINEERING, TRAINING, AeroOptions, AeroState, LatticePlanform, VortexLattice
 from wt_gym.aerodynamics.vortex_lattice import UndisturbedWind
 from wt_gym.simulation import FIDELITIES
 from wt_gym.simulation.models import blade_planform

@@ -23,11 +23,10 @@ from scipy.linalg import eigh
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.quantities import GRAVITY, Array
-from wt_gym.bridges.openfast.templates import write_from_template
 from wt_gym.bridges.openfast.water import FILES, write_water
 from wt_gym.turbines import Polar, Turbine
 from wt_gym.turbines.blade import bending_matrices, principal_bending
-from wt_gym.turbines.openfast_text import write_lines
+from wt_gym.turbines.openfast_text import write_from_template, write_lines
 from wt_gym.turbines.variants import clockwise_image, rotor_inertia_without_generator
 
 PRIMARY = "turbine.fst"

@@ -16,13 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from wt_gym.base.errors import InflowError, SimulationError
 from wt_gym.base.quantities import GRAVITY, Array
-from wt_gym.bridges.openfast.templates import write_from_template
-from wt_gym.hydrodynamics.loads import PlatformLoads
-from wt_gym.hydrodynamics.platform import Platform
-from wt_gym.hydrodynamics.potential import ExcitationTable, RadiationTable
-from wt_gym.hydrodynamics.waves import WaveComponents
+from wt_gym.hydrodynamics import ExcitationTable, Platform, PlatformLoads, RadiationTable, WaveComponents
 from wt_gym.turbines import Turbine
-from wt_gym.turbines.openfast_text import write_lines
+from wt_gym.turbines.openfast_text import write_from_template, write_lines
 
 FILES = {"SeaStFile": "seastate.dat", "HydroFile": "hydrodyn.dat", "MooringFile": "moordyn.dat"}
 """Names of the files by the keywords of the primary file."""
