@@ -10,8 +10,6 @@ windIO round trips, snapshots, and the help of the commands. On another processo
 one machine.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json
@@ -37,8 +35,7 @@ from wt_gym.control.operating_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
 from wt_gym.deployment.export.openfast_flight import export_openfast, scene_of
 from wt_gym.experiment.trained_agent import TrainedAgent
-from wt_gym.simulation import Simulator
-from wt_gym.simulation.fidelity import FIDELITIES
+from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.tasks import TASKS
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine

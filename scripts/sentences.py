@@ -7,8 +7,6 @@
 Exit code 1 where there is one. Code, tables and headings do not count; of a link its text does.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -24,8 +24,6 @@ Examples
 >>> env = gym.make("wt_gym/NREL5MW-Turbulent-v1", wind_speed=12.0)
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from gymnasium.envs.registration import register

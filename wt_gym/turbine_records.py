@@ -4,8 +4,6 @@ This module loads nothing heavy: the ids of the environments are registered from
 new record.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, field
 from pathlib import Path

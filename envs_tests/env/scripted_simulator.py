@@ -1,7 +1,5 @@
 """A stand-in for the simulator whose signals are set by the test: for the logic of the environment, not for physics."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np
@@ -9,8 +7,7 @@ import numpy as np
 from wt_gym.base.errors import SimulationError
 from wt_gym.envs.episode_start import RunningStart
 from wt_gym.envs.turbine_env import WindTurbineEnv
-from wt_gym.simulation import Signals
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation import Signals, channel_table
 from wt_gym.simulation.fidelity import fidelity as named_fidelity
 
 

@@ -20,8 +20,7 @@ from wt_gym.control.controllers import COMPILED, CONTROLLERS, lidar_of
 from wt_gym.envs.channels import OBSERVATION_GROUPS
 from wt_gym.experiment.environments import trained_arguments
 from wt_gym.experiment.trained_agent import TrainedAgent
-from wt_gym.simulation.channels import channel_table
-from wt_gym.simulation.recorder import Recorder
+from wt_gym.simulation import Recorder, channel_table
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import mirrored

@@ -10,9 +10,8 @@ import pytest
 
 from wt_gym.base.canary import differing
 from wt_gym.control import Demand
-from wt_gym.control.controllers import DisconController
+from wt_gym.control.controllers import DisconController, make_controller
 from wt_gym.control.controllers.controller import memory_of
-from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs import episode_start, record_store
 from wt_gym.envs.record_store import (
     CATALOG,

@@ -20,8 +20,7 @@ from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.environments import Environments
 from wt_gym.experiment.run import run_baseline
 from wt_gym.learning.hyperparameters import hyperparameters_for
-from wt_gym.simulation import Simulator
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation import Simulator, channel_table
 from wt_gym.tasks import DEFAULT_ENV, TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow

@@ -22,8 +22,7 @@ from wt_gym.experiment.evaluation import EvaluationConfig, EvaluationFolder, eva
 from wt_gym.learning.callbacks import SelectionEvaluation
 from wt_gym.learning.options import DatasetConfig, TrainingConfig
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import SteadyInflow, TurbulenceBox
-from wt_gym.wind.files import read_bts, write_bts
+from wt_gym.wind import SteadyInflow, TurbulenceBox, read_bts, write_bts
 
 TURBINE = load_turbine("nrel_5mw")
 STEADY = "wt_gym/NREL5MW-Steady-v1"

@@ -20,8 +20,7 @@ from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.experiment.evaluation import EvaluationConfig
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInflow
-from wt_gym.wind.files import read_bts, write_bts
+from wt_gym.wind import SeriesInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, read_bts, write_bts
 
 TURBINE = load_turbine("nrel_5mw")
 STEADY = "wt_gym/NREL5MW-Steady-v1"

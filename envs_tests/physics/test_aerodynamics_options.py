@@ -21,10 +21,9 @@ from envs_tests.physics.cases.airfoils import (
 )
 from envs_tests.physics.cases.wings import starting_impulse
 from envs_tests.physics.refusals import refuses
-from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, VortexLattice, build_planform
+from wt_gym.aerodynamics import ENGINEERING, TRAINING, AerodynamicsError, AeroOptions, VortexLattice, build_planform
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
-from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
 from wt_gym.aerodynamics.wake.sheet_kernels import LAMB, build_wake_sheet
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.models import blade_planform

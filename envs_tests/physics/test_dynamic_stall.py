@@ -8,11 +8,10 @@ import pytest
 
 from envs_tests.physics.cases.airfoils import UniformStream, WingFlow, flat_planform, half_span_edges
 from envs_tests.physics.cases.stall import Pitching, lattice_loop, s809_polar
-from wt_gym.aerodynamics import AerodynamicsError, AeroOptions
+from wt_gym.aerodynamics import TRAINING, AerodynamicsError, AeroOptions
 from wt_gym.aerodynamics.lattice.planform import separation_tables
 from wt_gym.aerodynamics.lattice.section_kernels import ATTACHED, DRAG, POINT, SEPARATED
 from wt_gym.aerodynamics.lattice.separation_kernels import advance_separation, separation_drag
-from wt_gym.aerodynamics.options import TRAINING
 from wt_gym.base.attached_flow import attached_lift
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.wind import SteadyInflow

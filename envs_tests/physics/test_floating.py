@@ -17,8 +17,7 @@ from wt_gym.hydrodynamics.loads_kernels import platform_force
 from wt_gym.hydrodynamics.mooring import line_forces
 from wt_gym.hydrodynamics.potential import fit_radiation
 from wt_gym.hydrodynamics.waves import SeaState, WaveComponents
-from wt_gym.simulation import Simulator
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation import Simulator, channel_table
 from wt_gym.simulation.fidelity import fidelity
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import mirrored

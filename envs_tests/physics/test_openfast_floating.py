@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from openfast_library import openfast_driver, openfast_library
 
-from wt_gym.bridges.openfast import OpenFASTSimulator, write_model
-from wt_gym.bridges.openfast.driver import run_driver
+from wt_gym.bridges.openfast import OpenFASTSimulator, run_driver, write_model
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.operating_point import starting_point

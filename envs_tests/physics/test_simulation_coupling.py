@@ -13,8 +13,7 @@ from wt_gym.base.errors import ActionError, SimulationError
 from wt_gym.base.quantities import GRAVITY
 from wt_gym.experiment.run import run_baseline
 from wt_gym.multibody.tree.tree_kernels import OK
-from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation import FIDELITIES, LinearDamper, Simulator, channel_table
 from wt_gym.simulation.models import blade_planform, turbine_bodies
 from wt_gym.simulation.step.coupled_step_kernels import OVERSPEED, check_range
 from wt_gym.simulation.step.structure_motion_kernels import move_structure, restore_motion, save_motion

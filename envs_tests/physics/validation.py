@@ -15,8 +15,6 @@ in ``quantity`` and the published statement in ``source``.
 any case with the coarser arguments ``quick``.
 """
 
-from __future__ import annotations
-
 import base64
 import importlib
 import io
@@ -30,15 +28,13 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 import wt_gym
 from wt_gym.base.files import write_text_whole
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(__file__).parent / "data"

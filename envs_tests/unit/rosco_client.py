@@ -1,7 +1,5 @@
 """What stands in for ROSCO: a client that speaks as its own does, and a controller with it beneath."""
 
-from __future__ import annotations
-
 import math
 
 import zmq

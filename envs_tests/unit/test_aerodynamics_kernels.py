@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from wt_gym.aerodynamics import AerodynamicsError, tower_perturbation
+from wt_gym.aerodynamics import AerodynamicsError, AeroOptions, tower_perturbation
 from wt_gym.aerodynamics.induction.induction_kernels import direct_induction
 from wt_gym.aerodynamics.induction.simd_kernels import WIDTH
 from wt_gym.aerodynamics.induction.tree_induction import RingWork
@@ -13,7 +13,6 @@ from wt_gym.aerodynamics.lattice.bound_kernels import bound_influence, invert
 from wt_gym.aerodynamics.lattice.planform import SheddingEdge, bound_segments, separation_tables
 from wt_gym.aerodynamics.lattice.section_kernels import decambering, section_state, settle_strips
 from wt_gym.aerodynamics.lattice.separation_kernels import STATIC
-from wt_gym.aerodynamics.options import AeroOptions
 from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.aerodynamics.vortex_lattice import cylinder_table, ring_velocity
 from wt_gym.aerodynamics.wake.far_wake_kernels import (

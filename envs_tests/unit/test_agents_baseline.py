@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wt_gym.control import Demand
+from wt_gym.control import Demand, TorqueCurve
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController, nrel_5mw_parameters
-from wt_gym.control.operating_point import TorqueCurve
 from wt_gym.turbines import load_turbine
 
 DT = 0.0125

@@ -38,8 +38,7 @@ from wt_gym.bridges.openfast.wind import sampled, write_wind
 from wt_gym.commands import loadcases
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands import run as run_command
-from wt_gym.control import Lidar
-from wt_gym.control.operating_point import operating_point
+from wt_gym.control import Lidar, operating_point
 from wt_gym.envs.operation import simulator_maker
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.contract import fingerprint
@@ -52,8 +51,7 @@ from wt_gym.turbines.openfast import compare_with_openfast_io, read_openfast
 from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import mirrored, unloaded_clearance
 from wt_gym.turbines.windio_writer import require_same
-from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, read_bts
-from wt_gym.wind.inflow import TurningInflow
+from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, TurningInflow, read_bts
 
 
 @pytest.fixture(scope="module")

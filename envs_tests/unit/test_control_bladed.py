@@ -13,12 +13,11 @@ import pytest
 
 from wt_gym.base.errors import ControllerError, SimulationError
 from wt_gym.bridges.compiler import compile_library, library_name
-from wt_gym.control import Demand, Lidar
+from wt_gym.control import Demand, Lidar, operating_point
 from wt_gym.control.bladed import BladedController, rosco_library
 from wt_gym.control.bladed.records import channels_read, new_swap, write_readings
 from wt_gym.control.bladed.rosco import quiet_input, tuned_input, with_values, write_rosco_input
 from wt_gym.control.controllers import make_controller, parse_name
-from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.names import fingerprint
 from wt_gym.experiment.run import run_controller

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from wt_gym.control import Demand, Lidar
+from wt_gym.control import Demand, Lidar, operating_point
 from wt_gym.control.controllers import (
     Combined,
     DisconController,
@@ -18,7 +18,6 @@ from wt_gym.control.controllers import (
     nrel_5mw_parameters,
     readings_of,
 )
-from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.layout import layout_of
 from wt_gym.experiment.agents import ControllerAgent
 from wt_gym.experiment.run import run_controller

@@ -10,13 +10,11 @@ import pytest
 from scipy import signal
 
 from wt_gym.base.errors import ControllerError, TurbineDefinitionError
-from wt_gym.control import Demand
-from wt_gym.control.controllers import make_controller
+from wt_gym.control import Demand, operating_point
+from wt_gym.control.controllers import TsrTrackingController, make_controller
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController, GainTable, PitchLaw
 from wt_gym.control.controllers.own import own_parameters
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.design import rotor_inertia
-from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.sensors import SecondOrderLowPass
 from wt_gym.control.stability import check_speed_loop, checked_winds, gust_speed_rise, speed_loop_modes

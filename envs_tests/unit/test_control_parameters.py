@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wt_gym.commands import run as run_command
-from wt_gym.control import Demand
+from wt_gym.control import Demand, operating_point
 from wt_gym.control.controllers import (
     ADDITIONS,
     BASES,
@@ -21,7 +21,6 @@ from wt_gym.control.controllers import (
     make_controller,
 )
 from wt_gym.control.design import reference_flap_moment
-from wt_gym.control.operating_point import operating_point
 from wt_gym.turbines import load_turbine
 
 PARTS = [name for name in (*BASES, *WRAPPERS, *ADDITIONS, *GUARDS) if name not in COMPILED]

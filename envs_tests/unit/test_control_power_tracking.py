@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 
 from envs_tests.unit.simple_rotor import SimpleRotor
-from wt_gym.control import Demand
+from wt_gym.control import Demand, operating_point
 from wt_gym.control.bladed.records import new_swap, write_readings
 from wt_gym.control.bladed.rosco import _course, with_values
 from wt_gym.control.controllers import LidarFeedforward, WithDemandedPower, make_controller
 from wt_gym.control.controllers.controller import demanded_power_of
 from wt_gym.control.controllers.power_tracking import WAYS
-from wt_gym.control.operating_point import operating_point
 from wt_gym.envs.power_reference import PowerReference
-from wt_gym.simulation import Signals
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation import Signals, channel_table
 from wt_gym.turbines import load_turbine
 
 TURBINE = load_turbine("nrel_5mw")

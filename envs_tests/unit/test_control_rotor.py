@@ -9,8 +9,7 @@ import pytest
 from wt_gym.control.design import design_point, full_power_wind, speed_filter, speed_loop, trim_pitch
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import blade_element_table, fine_pitch, rotor_of, rotor_table
-from wt_gym.turbines import load_turbine
-from wt_gym.turbines.model import ControlData
+from wt_gym.turbines import ControlData, load_turbine
 
 
 def bare(name):

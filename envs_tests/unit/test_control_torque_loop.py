@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from wt_gym.base.errors import ControllerError
-from wt_gym.control import Demand
-from wt_gym.control.controllers import make_controller
+from wt_gym.control import Demand, operating_point
+from wt_gym.control.controllers import TsrTrackingController, WindEstimator, make_controller
 from wt_gym.control.controllers.own import own_law
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
 from wt_gym.control.design import rotor_inertia
-from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
 from wt_gym.control.stability import LEAST_GROWTH, LoopMode, growing_mode, torque_loop_modes, winds_below_rated
 from wt_gym.experiment.steady_check import DURATION

@@ -12,8 +12,7 @@ from wt_gym.envs.options import EnvOptions, env_arguments
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 from wt_gym.envs.wind_sampler import KINDS
 from wt_gym.tasks import TASKS
-from wt_gym.wind import TurbulenceBox, TurbulentInflow
-from wt_gym.wind.files import write_bts
+from wt_gym.wind import TurbulenceBox, TurbulentInflow, write_bts
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = "".join((DOCS / name).read_text(encoding="utf-8") for name in ("environments.md", "episodes.md"))

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from wt_gym.control import ActionMap, AgentSetpoint, Demand, Lidar
-from wt_gym.control.controllers import YawByDeadBand
+from wt_gym.control.controllers import STATES, YawByDeadBand, make_controller
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch
-from wt_gym.control.controllers.names import make_controller
-from wt_gym.control.controllers.supervisor import STATES
 from wt_gym.control.design import rotor_inertia
 from wt_gym.envs.channels import OBSERVATION_GROUPS, Observable
 from wt_gym.envs.dial import DIAL_NAMES, DialCourse, DialOptions, DialTerm

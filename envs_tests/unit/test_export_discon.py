@@ -27,8 +27,7 @@ from wt_gym.bridges.openfast import write_model
 from wt_gym.commands import run as run_command
 from wt_gym.control import Demand, Lidar
 from wt_gym.control.bladed import BladedController
-from wt_gym.control.controllers import Combined, make_controller
-from wt_gym.control.controllers.controller import lidar_of
+from wt_gym.control.controllers import Combined, lidar_of, make_controller
 from wt_gym.control.controllers.linear_optimal import LinearDesign, save_design
 from wt_gym.deployment.export.discon import export_discon
 from wt_gym.deployment.export.parts import controller_parts

@@ -9,8 +9,7 @@ import pytest
 from envs_tests.unit.exported_library import INTERVAL, Exported, random_readings, sanitized
 from envs_tests.unit.simple_rotor import SimpleRotor
 from wt_gym.control import Demand
-from wt_gym.control.controllers import make_controller, supervisor_of
-from wt_gym.control.controllers.controller import lidar_of
+from wt_gym.control.controllers import lidar_of, make_controller, supervisor_of
 from wt_gym.turbines import load_turbine
 
 pytestmark = pytest.mark.usefixtures("compiler")

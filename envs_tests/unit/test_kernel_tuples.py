@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from wt_gym.aerodynamics import TRAINING, VortexLattice, build_planform, ellipsoid_body
-from wt_gym.aerodynamics.bodies.body_set import BodySet
+from wt_gym.aerodynamics import TRAINING, BodySet, VortexLattice, build_planform, ellipsoid_body
 from wt_gym.aerodynamics.induction.tree_induction import make_block, make_tree
 from wt_gym.hydrodynamics import PlatformLoads, load_platform
 from wt_gym.simulation.turbine_structure import sub_body_points

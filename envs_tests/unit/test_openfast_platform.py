@@ -20,8 +20,7 @@ from wt_gym.bridges.openfast.measurement import (
     water_outputs,
 )
 from wt_gym.bridges.openfast.water import resting_place, write_sea, write_water
-from wt_gym.hydrodynamics.loads import PlatformLoads
-from wt_gym.hydrodynamics.waves import SeaState, WaveComponents
+from wt_gym.hydrodynamics import PlatformLoads, SeaState, WaveComponents
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.openfast import read_openfast
 from wt_gym.turbines.openfast_platform import read_mooring, read_openfast_platform

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wt_gym.simulation import channels
-from wt_gym.simulation.channels import Signals, channel_table
+from wt_gym.simulation import Signals, channel_table, channels
 
 
 @pytest.fixture

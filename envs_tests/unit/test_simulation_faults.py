@@ -9,8 +9,7 @@ import pytest
 
 from wt_gym.base.errors import ActionError
 from wt_gym.control.design import rotor_inertia
-from wt_gym.simulation import Signals, Simulator
-from wt_gym.simulation.channels import channel_table
+from wt_gym.simulation import Signals, Simulator, channel_table
 from wt_gym.simulation.drivetrain.drives import Drives, LinearDamper
 from wt_gym.simulation.drivetrain.faults import (
     GeneratorLoss,

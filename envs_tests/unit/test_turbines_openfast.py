@@ -13,8 +13,7 @@ from wt_gym.commands import run as run_command
 from wt_gym.control.controllers import make_controller
 from wt_gym.experiment.steady_check import SteadyRun, steady_winds, verdict
 from wt_gym.simulation.contract import fingerprint
-from wt_gym.turbines import ControlData, load_turbine
-from wt_gym.turbines.airfoil import Polar
+from wt_gym.turbines import ControlData, Polar, load_turbine
 from wt_gym.turbines.openfast import compare_with_openfast_io, read_openfast
 from wt_gym.turbines.openfast_control import find_steady_table, read_steady_table
 from wt_gym.turbines.openfast_text import TextFile

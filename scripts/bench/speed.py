@@ -8,8 +8,6 @@ where it does not say otherwise; the machine should be otherwise idle. The real-
 seconds of the whole simulator (NREL 5-MW, turbulent wind at 12 m/s, baseline controller).
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json
@@ -20,10 +18,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -33,9 +32,6 @@ from wt_gym.base.processes import peak_memory
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 CLONE = Path(__file__).resolve().parents[2]
 SINGLE_THREAD = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")

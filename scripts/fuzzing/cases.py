@@ -1,10 +1,9 @@
 """What a fuzzed episode is made of, drawn from its number alone: the same number gives the same case for ever."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +12,8 @@ from wt_gym.envs.channels import OBSERVATION_GROUPS
 from wt_gym.envs.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import GUSTS
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.turbines import load_turbine
+from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.wind import SteadyInflow
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from wt_gym.turbines import Turbine
 
 POLICY_NAMES = ("random", "constant", "corner", "component", "bang-bang", "walk", "mixed", "controller")
 """See `fuzzing.policies`."""

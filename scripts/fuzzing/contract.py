@@ -1,10 +1,8 @@
 """The contract of the environment, checked from outside in each step."""
 
-from __future__ import annotations
-
 import copy
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from gymnasium.error import ResetNeeded
@@ -12,10 +10,8 @@ from gymnasium.error import ResetNeeded
 from fuzzing.energy import EnergyAccount
 from wt_gym.base.errors import ActionError
 from wt_gym.envs.terminations import COST_NAMES
-
-if TYPE_CHECKING:
-    from wt_gym.envs.turbine_env import WindTurbineEnv
-    from wt_gym.simulation import Simulator
+from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.simulation import Simulator
 
 _ENDINGS = ("overspeed", "standstill", "tower_strike", "failure")
 _INFO = {

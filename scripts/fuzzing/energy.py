@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wt_gym.control.design import rotor_inertia
+from wt_gym.turbines import Turbine
+from wt_gym.wind import Inflow
 
 if TYPE_CHECKING:
     from wt_gym.simulation import Signals
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 _BETZ = 16.0 / 27.0
 _EXCESS_FACTOR = 2.0

@@ -1,7 +1,5 @@
 """Growth of the memory of a process over many steps and resets."""
 
-from __future__ import annotations
-
 import gc
 from typing import NamedTuple
 

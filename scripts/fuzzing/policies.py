@@ -1,17 +1,11 @@
 """What a fuzzed environment is asked to do."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.agents import ControllerAgent
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from wt_gym.envs.turbine_env import WindTurbineEnv
 
 
 class Policy:

@@ -1,14 +1,13 @@
 """Fuzzed episodes, and what they bring to light."""
 
-from __future__ import annotations
-
 import copy
 import itertools
 import traceback
 import warnings
 from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from fuzzing.contract import Contract, ContractBroken
 from fuzzing.policies import make_policy
 from wt_gym.base.errors import SimulationError
 from wt_gym.envs.turbine_env import WindTurbineEnv
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
 
 CASE_STEPS = 400
 """Steps of a case: one or two whole episodes, more of short ones."""

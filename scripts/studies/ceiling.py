@@ -11,14 +11,16 @@ from __future__ import annotations
 import datetime
 import json
 import sys
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from ceiling_oracle import OracleOptions, Played, best_of, learn_offsets
+from numpy.typing import NDArray
 from study_pages import markdown
 
 from wt_gym.analysis.results import Wind
@@ -29,7 +31,8 @@ from wt_gym.base.options import Options, option, option_record
 from wt_gym.commands.benchmark import KEPT, chosen
 from wt_gym.commands.options import WORKERS, add_shared, executor_of
 from wt_gym.commands.program import OneLineParser, stoppable, user_errors
-from wt_gym.control.controllers import Combined, lidar_of
+from wt_gym.control import Demand
+from wt_gym.control.controllers import Combined, Readings, lidar_of
 from wt_gym.control.controllers.linear_optimal import OUTPUTS, PitchOffsets
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.turbine_env import turbine_env_of
@@ -43,26 +46,14 @@ from wt_gym.experiment.benchmark import (
     run_jobs,
     task_fingerprint,
 )
-from wt_gym.experiment.benchmark_tasks import Ceiling, ceiling_file
-from wt_gym.experiment.execute import SerialExecutor
+from wt_gym.experiment.benchmark_tasks import BenchmarkTask, BenchmarkWind, Ceiling, ceiling_file
+from wt_gym.experiment.execute import Executor, SerialExecutor
 from wt_gym.experiment.names import BASELINE, RESIDUAL_INTERFACE
 from wt_gym.experiment.store import described
-from wt_gym.learning.linear_design import identified_plant
+from wt_gym.learning.linear_design import Plant, identified_plant
 from wt_gym.learning.options import LinearDesignTask
 from wt_gym.learning.recording import LOADS, DrawnOffsets, Recording, RecordingStore, record
-from wt_gym.turbines import load_turbine
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from numpy.typing import NDArray
-
-    from wt_gym.control import Demand
-    from wt_gym.control.controllers import Readings
-    from wt_gym.experiment.benchmark_tasks import BenchmarkTask, BenchmarkWind
-    from wt_gym.experiment.execute import Executor
-    from wt_gym.learning.linear_design import Plant
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine, load_turbine
 
 _SHOWN = {
     "captured_power": "power", "blade_flap_del": "flap DEL", "tower_fore_aft_del": "tower f-a DEL",

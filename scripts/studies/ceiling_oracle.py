@@ -11,10 +11,12 @@ be reached, and an upper one for what reacts to what it measures.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 from scipy.ndimage import uniform_filter1d
 from scipy.sparse.linalg import LinearOperator, cg
@@ -22,18 +24,10 @@ from scipy.sparse.linalg import LinearOperator, cg
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, damage_equivalent_load
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.controllers.linear_optimal import OUTPUTS
-from wt_gym.learning.linear_design import forecast, forecast_change
+from wt_gym.learning.linear_design import Plant, forecast, forecast_change
 from wt_gym.learning.options import FeedbackOptions
-from wt_gym.learning.recording import LOADS, TOWER, amplitude_weights, respond, to_blades, without_slow
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from wt_gym.learning.linear_design import Plant
-    from wt_gym.learning.recording import Recording
-    from wt_gym.turbines import Turbine
+from wt_gym.learning.recording import LOADS, TOWER, Recording, amplitude_weights, respond, to_blades, without_slow
+from wt_gym.turbines import Turbine
 
 _SPEED = OUTPUTS.index("rotor_speed")
 _ANSWERING = (0, 1, 2, *TOWER, _SPEED)

@@ -12,15 +12,14 @@ A setting of the dial gives a point (fatigue, power, travel): the parts of the l
 is the volume that they dominate up to a reference point (Zitzler and Thiele, IEEE Trans. Evol. Comp. 3, 1999).
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from study_pages import DATA, ROOT, TRAINED, markdown, read_json, write_entries
 
 from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
@@ -32,11 +31,6 @@ from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.trained_agent import TrainedAgent
 from wt_gym.learning.pretraining import FRONT_SETTINGS
 from wt_gym.learning.train import train as train_policy
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
 
 RECORD = DATA / "dial_front.json"
 TRAINING = TRAINED / "dial" / "training.yml"

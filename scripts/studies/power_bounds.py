@@ -15,32 +15,25 @@ starts and stops, rates of torque and pitch and loads are left out, which only h
 rotor takes more than in a steady wind for some seconds, and less in others.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math
-from typing import TYPE_CHECKING
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import block_array, csr_array, diags_array, eye_array
 from study_pages import DATA, TASK_PAGES, read_json, renew
 from task_scores import STUDIES
 
 from wt_gym.control.design import rotor_inertia
-from wt_gym.control.rotor import rotor_table
+from wt_gym.control.rotor import RotorTable, rotor_table
 from wt_gym.envs.power import efficiency
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.evaluation import EvaluationConfig
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.control.rotor import RotorTable
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
+from wt_gym.turbines import Turbine
+from wt_gym.wind import Inflow
 
 RECORD = DATA / "power_bounds.json"
 PAGES = {"PowerTracking": "power_tracking", "FullOperation": "full_operation", "MaxPower": "max_power"}

@@ -10,13 +10,11 @@ the wind's share drops out. The runs in the folder stay: the same command resume
 docs/data/reward_study.csv has controllers that are not in the library; with --out the figure is written.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -31,9 +29,6 @@ from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.names import RESIDUAL_INTERFACE
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 RECORD = DATA / "reward_study.csv"
 BASELINE = "baseline"

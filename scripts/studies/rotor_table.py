@@ -4,34 +4,24 @@ python scripts/studies/rotor_table.py nrel_5mw --record      # into wt_gym/turbi
 python scripts/studies/rotor_table.py mine.yaml table.json
 """
 
-from __future__ import annotations
-
 import argparse
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 import wt_gym
 from wt_gym.commands.program import FIDELITIES_HELP
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.rotor import RotorTable, fine_pitch
 from wt_gym.control.sensors import LowPass
-from wt_gym.simulation import Simulator
-from wt_gym.simulation.drivetrain.drives import TorqueCommand
+from wt_gym.simulation import Fidelity, Simulator, TorqueCommand
 from wt_gym.turbine_records import FOLDER, RECORDS
-from wt_gym.turbines import load_turbine
+from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.wind import SteadyInflow
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from wt_gym.simulation.fidelity import Fidelity
-    from wt_gym.turbines import Turbine
 
 PITCH_DEG = (0.0, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0, 10.0, 12.5, 15.0, 18.0, 21.0, 24.0)
 """Pitch above fine pitch [deg]."""

@@ -9,17 +9,16 @@ Writes docs/data/task_scores.json. A study is one table of a page: agents in the
 controller with zero actions. Runs are stored in runs/task_scores as soon as they are done: "run" resumes them.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import re
 import sys
 import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from study_pages import (
@@ -41,7 +40,7 @@ import wt_gym
 from envs_tests.physics.validation import source_commit
 from wt_gym.analysis.metrics import METRICS
 from wt_gym.analysis.page import format_estimate
-from wt_gym.analysis.results import Wind
+from wt_gym.analysis.results import Run, Wind
 from wt_gym.analysis.statistics import (
     LIFETIME_EXPONENTS,
     Estimate,
@@ -58,11 +57,6 @@ from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from wt_gym.analysis.results import Run
 
 RECORD = DATA / "task_scores.json"
 RANDOM = "random"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -21,16 +22,12 @@ from scipy.stats import spearmanr
 from wt_gym.analysis import page
 from wt_gym.analysis.metrics import COLUMN_HEADS, METRICS, mean_spectrum
 from wt_gym.analysis.page import NONE, Row, Section, change_tag, format_estimate
-from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE
+from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE, Evaluation, Wind
 from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, Estimate, paired_change, relative_change
 from wt_gym.base.picture_style import COLORS, MARKERS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     import xarray as xr
-
-    from wt_gym.analysis.results import Evaluation, Wind
 
 COMPARED = (*LIFETIME_EXPONENTS, "pitch_travel", "mean_power")
 """Metrics whose changes are compared."""

@@ -9,18 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from wt_gym.analysis.metrics import mean_spectrum
 from wt_gym.analysis.page import BETTER, MUTED, WIND_COLOR, agent_styles, format_estimate, style, titles_at_left
-from wt_gym.analysis.statistics import level_of, paired_change
+from wt_gym.analysis.statistics import Estimate, level_of, paired_change
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
 
     from wt_gym.analysis.results import Evaluation, Wind
-    from wt_gym.analysis.statistics import Estimate
 
 
 def _largest_tip(run: xr.Dataset) -> NDArray[np.float64]:

@@ -6,22 +6,20 @@ Damage-equivalent loads follow the linear damage rule (Palmgren-Miner) with rain
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import rainflow
+from numpy.typing import NDArray
 from scipy import signal as scipy_signal
 
 from wt_gym.control.design import rotor_inertia
+from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
     import xarray as xr
-    from numpy.typing import NDArray
-
-    from wt_gym.turbines import Turbine
 
 
 BLADE_EXPONENT = 10.0

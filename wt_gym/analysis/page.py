@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from html import escape
@@ -15,16 +16,12 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wt_gym.analysis.metrics import COLUMN_HEADS, metric_of
+from wt_gym.analysis.metrics import COLUMN_HEADS, Metric, metric_of
 from wt_gym.analysis.statistics import Estimate, difference
 from wt_gym.base.files import write_text_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
     import plotly.graph_objects as go
-
-    from wt_gym.analysis.metrics import Metric
 
 NONE, BEYOND = "\u2013", "\u2020"
 """Marks of a value that is missing, and of runs that ended early."""

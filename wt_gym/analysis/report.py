@@ -1,15 +1,16 @@
 """A report of an evaluation as one HTML file that opens without a network."""
 
-from __future__ import annotations
-
 import base64
 import json
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wt_gym.analysis import page
 from wt_gym.analysis.figures import (
@@ -22,7 +23,7 @@ from wt_gym.analysis.figures import (
 )
 from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, PLATFORM_METRICS, TRACKING_METRICS, measured_metrics
 from wt_gym.analysis.page import BEYOND, NONE, Row, Section, change_tag, format_value
-from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE
+from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE, Evaluation, Replay, Run, Wind
 from wt_gym.analysis.statistics import (
     LEAST_PER_STRATUM,
     LIFETIME_EXPONENTS,
@@ -34,15 +35,6 @@ from wt_gym.analysis.statistics import (
     wind_weights,
 )
 from wt_gym.analysis.summary import JUDGED, REASONS, headline, result_sentence, summarize, unseen, verdict
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from numpy.typing import ArrayLike
-
-    from wt_gym.analysis.results import Evaluation, Replay, Run, Wind
-
 
 # Time series of so many runs at most, one wind a speed: more would make the page heavy.
 _MOST_SERIES = 16
@@ -104,8 +96,13 @@ def write_report(
             _runs(evaluation, files),
             Section("method", "How to read the numbers", _method(evaluation), link="Method"),
         ],
-        script=resources.files("wt_gym.analysis").joinpath("replay.js").read_text(encoding="utf-8"),
+        script=_shipped("replay.js"),
     )
+
+
+def _shipped(name: str) -> str:
+    """Text of a file beside this module."""
+    return resources.files("wt_gym.analysis").joinpath(name).read_text(encoding="utf-8")
 
 
 def _facts(evaluation: Evaluation) -> dict[str, str | None]:
@@ -390,52 +387,6 @@ def _method(evaluation: Evaluation) -> str:
 # Almost a megabyte each: more agents would make the page heavy.
 _MOST_AGENTS = 4
 _BITS = {"blades": 16, "wake": 16, "strength": 8, "tower": 16, "hub": 16, "floater": 16}
-_STYLE = """<style>
-.replay { display: grid; grid-template-columns: minmax(0, 2.2fr) minmax(240px, 1fr); gap: 12px 20px; }
-.replay canvas { display: block; width: 100%; }
-.replay .scene { height: 520px; border-radius: 10px; cursor: grab; touch-action: pan-y;
-  background: radial-gradient(circle at 35% 35%, #16405c, #071b2a 75%); }
-.replay .charts { height: 300px; }
-.replay .bar { grid-column: 1 / -1; display: flex; flex-wrap: wrap; align-items: center; gap: 8px 14px; }
-.replay button, .replay select { font: inherit; font-size: .9rem; padding: 5px 12px; border-radius: 8px;
-  border: 1px solid var(--line); background: var(--paper); color: inherit; cursor: pointer; }
-.replay button:hover { background: var(--hover); }
-.replay [data-part=play] { min-width: 92px; background: #0b4f79; border-color: #0b4f79; color: #fff; }
-.replay [data-part=play]:hover { background: #136a8c; }
-.replay [data-part=time] { flex: 1 1 200px; min-width: 120px; accent-color: #0b4f79; }
-.replay [data-part=clock] { min-width: 66px; text-align: right; font-variant-numeric: tabular-nums; font-weight: 600; }
-.replay label { font-size: .9rem; color: var(--muted); }
-.replay dl { margin: 0 0 14px; }
-.replay dl div { display: flex; justify-content: space-between; gap: 10px; padding: 5px 0;
-  border-bottom: 1px solid var(--faint); }
-.replay dt { color: var(--muted); font-size: .9rem; }
-.replay dd { margin: 0; font-weight: 600; font-variant-numeric: tabular-nums; white-space: nowrap; }
-.replay .blades { display: flex; gap: 14px; font-size: .84rem; color: var(--muted); }
-.replay .blades i { display: inline-block; width: 14px; height: 3px; margin-right: 5px; vertical-align: middle; }
-@media (max-width: 900px) {
-  .replay { grid-template-columns: minmax(0, 1fr); } .replay .scene { height: 400px; }
-}
-@media print {
-  .replay .bar, .replay .charts, .replay .blades { display: none; } .replay .scene { height: 380px; }
-}
-</style>"""
-_CONTROLS = """<div class="replay">
-<div class="bar"><label>Agent <select data-part="agent" aria-label="Agent"></select></label>
-<button type="button" data-part="play">&#9654; Play</button>
-<input type="range" data-part="time" min="0" max="1" step="any" value="0" aria-label="Time">
-<span data-part="clock"></span>
-<label>Speed <select data-part="speed" aria-label="Speed"><option value="0.25">¼</option><option value="0.5">½</option>
-<option value="1" selected>1</option><option value="2">2</option></select></label></div>
-<canvas class="scene" data-part="scene" role="img" aria-label="Rotor, tower and wake"></canvas>
-<div><dl data-part="numbers"></dl><p class="blades"><span><i style="background:#c98a00"></i>blade 1</span>
-<span><i style="background:#0b8f6a"></i>blade 2</span><span><i style="background:#b8487c"></i>blade 3</span></p>
-<canvas class="charts" data-part="charts" role="img" aria-label="Tip deflection and pitch over time"></canvas></div>
-<div class="bar"><button type="button" data-view="oblique">Oblique</button>
-<button type="button" data-view="side">Side</button><button type="button" data-view="front">From the wind</button>
-<button type="button" data-view="above">Above</button>
-<button type="button" data-zoom="1.25" aria-label="Closer">+</button>
-<button type="button" data-zoom="0.8" aria-label="Farther">&#8722;</button></div>
-</div>"""
 
 
 def encode(values: ArrayLike, bits: int = 16) -> dict[str, Any]:
@@ -485,7 +436,8 @@ def replay_section(evaluation: Evaluation) -> Section:
     )
     if left_out:
         caption += f" {len(runs)} of {len(evaluation.agents)} agents can be chosen."
-    content = f"{_STYLE}{_CONTROLS}<script type='application/json' id='replay-data'>{text}</script>"
+    markup = _shipped("replay.html")
+    content = f"{markup}<script type='application/json' id='replay-data'>{text}</script>"
     return Section("replay", "Replay of rotor and wake", content, caption, "Replay")
 
 

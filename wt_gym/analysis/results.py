@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import json
 from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.typing import NDArray
 
 from wt_gym.analysis.metrics import METRICS, idle_sentence, idle_time, measured_metrics
 from wt_gym.analysis.statistics import WindClimate
 from wt_gym.base.files import write_netcdf_whole, write_text_whole, write_whole
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
 
 # A wake is thinned to this many rows and filaments a blade, which keeps a replay of 20 s below 1 MB.
 _MOST_ROWS, _MOST_FILAMENTS = 64, 5

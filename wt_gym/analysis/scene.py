@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from wt_gym.analysis.results import trailing_strength
 from wt_gym.base.picture_style import BLUE
+from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-    from wt_gym.turbines import Turbine
 
 
 _STEEL, _SUBMERGED, _BLADE, _LAND, _SEA = "#98a4af", "#c3ccd4", "#26323d", "#e9efe6", "#cfe3f1"

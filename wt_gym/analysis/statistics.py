@@ -9,22 +9,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr, stdtrit
 
-from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, metric_of
+from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT, Metric, metric_of
 from wt_gym.wind.iec import AVERAGE_OVER_REFERENCE_SPEED, reference_speed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.analysis.metrics import Metric
     from wt_gym.analysis.results import Evaluation, Wind
 
 

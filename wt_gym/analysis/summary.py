@@ -7,11 +7,17 @@ from typing import TYPE_CHECKING, cast
 
 from wt_gym.analysis.metrics import COLUMN_HEADS, METRICS, measured_metrics
 from wt_gym.analysis.page import NONE, Row, format_estimate, format_value, markdown
-from wt_gym.analysis.statistics import LEAST_PER_STRATUM, LIFETIME_EXPONENTS, lifetime, lifetime_change, paired_change
+from wt_gym.analysis.statistics import (
+    LEAST_PER_STRATUM,
+    LIFETIME_EXPONENTS,
+    Estimate,
+    lifetime,
+    lifetime_change,
+    paired_change,
+)
 
 if TYPE_CHECKING:
     from wt_gym.analysis.results import Evaluation, Wind
-    from wt_gym.analysis.statistics import Estimate
 
 
 JUDGED = {

@@ -1,13 +1,7 @@
 """The lift of attached flow in a static polar: angle of zero lift and lift slope."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 ZERO_LIFT_RANGE = np.radians(20.0)
 """Largest angle of zero lift of a section [rad]."""

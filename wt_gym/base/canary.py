@@ -8,22 +8,18 @@ of the package and stored in the user's cache: a comment that is edited or a fil
 every result stays valid.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from wt_gym.base.files import read_json, write_text_whole
 from wt_gym.base.user_cache import cached_file, prune, read_cached, write_cached
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
 
 Canary: TypeAlias = "dict[str, str]"
 """Numbers of each channel, as text; a JSON value."""

@@ -1,14 +1,9 @@
 """Exceptions raised at the doors of wt_gym, which name what was given, what is allowed and where, and warnings."""
 
-from __future__ import annotations
-
 import difflib
 import re
 import warnings
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from collections.abc import Iterable
 
 __all__ = [
     "ActionError", "BenchmarkError", "ControllerError", "InflowError", "ServerError", "SimulationError",

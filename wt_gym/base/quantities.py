@@ -1,7 +1,5 @@
 """Types of arrays, constants, and angles on the circle."""
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 

@@ -1,16 +1,12 @@
 """Cache of the user: results that take long, kept for the next process, those not used for longest removed."""
 
-from __future__ import annotations
-
 import logging
 import os
 import sys
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+from typing import TypeVar
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")

@@ -1,7 +1,5 @@
 """C compilers: the one of the machine, or that of the PyPI wheel ``ziglang``, which compiles for other machines too."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shlex

@@ -5,19 +5,14 @@ points in the same form. Order and units follow ROSCO's ``ZeroMQInterface.f90``,
 ``wfc_interface.yaml`` (github.com/NREL/ROSCO); numbers come with seven digits.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import time
 from dataclasses import astuple, dataclass
-from typing import TYPE_CHECKING, Protocol
+from types import TracebackType
+from typing import Protocol, Self
 
 from wt_gym.base.errors import ServerError, WtGymError
-
-if TYPE_CHECKING:
-    from types import TracebackType
-    from typing import Self
 
 FIRST_CALL, LAST_CALL = 0, -1
 """Status of the first message of a simulation and of the last one."""

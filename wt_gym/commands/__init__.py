@@ -1,7 +1,5 @@
 """The command line ``wt-gym``: one module a command, which imports nothing heavy before it knows what to do."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import keyword

@@ -18,16 +18,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.options import MODELS, WORKERS, add_shared, executor_of
 from wt_gym.commands.program import CLONE, IN_CLONE, UNSAFE, OneLineParser, file_ending_in
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from typing import Any
-
     from wt_gym.experiment.benchmark_tasks import BenchmarkTask
 
 KEPT = "runs/benchmark"

@@ -9,6 +9,7 @@ one, discon, rosco (where its package is installed), tsr_tracking, ipc and tuned
 
 from __future__ import annotations
 
+import argparse
 import json
 from typing import TYPE_CHECKING
 
@@ -17,8 +18,6 @@ from wt_gym.commands.options import MODELS, WORKERS, add_shared, agents_of, exec
 from wt_gym.commands.program import file_ending_in
 
 if TYPE_CHECKING:
-    import argparse
-
     from wt_gym.experiment.comparison import ControllerRuns
 
 STOPPED = "shown are the winds in which every controller has run"

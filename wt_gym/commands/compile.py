@@ -7,15 +7,10 @@ Compiled kernels stay in the cache (NUMBA_CACHE_DIR, else beside the package). O
 seconds. On a cluster run it once on every kind of node, before the workers start.
 """
 
-from __future__ import annotations
-
+import argparse
 import time
-from typing import TYPE_CHECKING
 
 from wt_gym.commands.options import check_environment
-
-if TYPE_CHECKING:
-    import argparse
 
 STOPPED = "what is compiled so far stays"
 

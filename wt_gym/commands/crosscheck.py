@@ -11,11 +11,9 @@ The folder gets report.html, crosscheck.md with figures, crosscheck.json with it
 start from the steady operating point.
 """
 
-from __future__ import annotations
-
+import argparse
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wt_gym.commands.options import (
     MODELS,
@@ -28,9 +26,6 @@ from wt_gym.commands.options import (
     executor_of,
 )
 from wt_gym.commands.program import UNSAFE
-
-if TYPE_CHECKING:
-    import argparse
 
 EPILOG = UNSAFE
 STOPPED = "the same command without --overwrite resumes with what is in {out}"

@@ -8,17 +8,13 @@ An agent is baseline, random, a controller with parameters behind a colon, or th
 act on the rates of every blade and of the torque, a trained model as it was trained. Winds are those of training.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+import argparse
+from typing import Any
 
 from wt_gym.base.options import add_options as add_record
 from wt_gym.base.options import chosen_options
 from wt_gym.commands.options import add_shared, environment_of
 from wt_gym.commands.program import UNSAFE
-
-if TYPE_CHECKING:
-    import argparse
 
 EPILOG = UNSAFE
 STOPPED = "the episodes that were done are in {out}"

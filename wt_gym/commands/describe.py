@@ -6,17 +6,13 @@
 An observation has its unit, the range of its sensor and its source on a real turbine.
 """
 
-from __future__ import annotations
-
+import argparse
+from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.commands.options import add_shared
 from wt_gym.commands.program import file_ending_in
-
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Sequence
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

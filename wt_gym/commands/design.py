@@ -8,22 +8,18 @@ feedback follows by least squares. Recordings lie beside the file, in a folder o
 stopped design resumes from them, and other weights need no other recordings.
 """
 
-from __future__ import annotations
-
+import argparse
 import math
 import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.base.options import add_options as add_record
 from wt_gym.base.options import chosen_options
 from wt_gym.commands.options import WORKERS, add_shared, executor_of, turbine_of
 from wt_gym.commands.program import file_ending_in
-
-if TYPE_CHECKING:
-    import argparse
 
 STOPPED = "runs that are done are in {out}.runs and are not made again"
 DESIGNS = ("linear_optimal",)

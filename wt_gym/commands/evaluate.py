@@ -23,6 +23,7 @@ resumes. docs/evaluation.md says what the figures mean.
 
 from __future__ import annotations
 
+import argparse
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,8 +42,6 @@ from wt_gym.commands.options import (
 from wt_gym.commands.program import UNSAFE
 
 if TYPE_CHECKING:
-    import argparse
-
     from wt_gym.experiment.evaluation import EvaluationConfig
 
 EPILOG = UNSAFE

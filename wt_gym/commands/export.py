@@ -15,15 +15,11 @@ agent runs in the turbine and wind of its training, a controller in those of wt_
 reads what OpenFAST writes.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+import argparse
+from typing import Any
 
 from wt_gym.commands.options import add_scene, add_shared, scene_of
 from wt_gym.commands.program import UNSAFE
-
-if TYPE_CHECKING:
-    import argparse
 
 EPILOG = UNSAFE
 

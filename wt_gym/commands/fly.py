@@ -14,6 +14,7 @@ OpenFAST within 0.1 %, with a lidar 0.5 %, from standstill 1 %), 1 they do not, 
 
 from __future__ import annotations
 
+import argparse
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.commands.loads import table
@@ -21,8 +22,6 @@ from wt_gym.commands.options import add_scene, add_shared, scene_of
 from wt_gym.commands.program import UNSAFE
 
 if TYPE_CHECKING:
-    import argparse
-
     from wt_gym.deployment.export.openfast_flight import Flight
 
 EPILOG = UNSAFE

@@ -7,19 +7,15 @@
 The first use records a linear model of the turbine. docs/howto/learnability.md explains the numbers.
 """
 
-from __future__ import annotations
-
+import argparse
 import json
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.base.options import add_options as add_record
 from wt_gym.base.options import chosen_options
 from wt_gym.commands.options import add_shared
 from wt_gym.tasks import DEFAULT_ENV
-
-if TYPE_CHECKING:
-    import argparse
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

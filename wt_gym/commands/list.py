@@ -9,8 +9,6 @@ parameter of the same name PART__PARAMETER tells which. The defaults that follow
 --turbine.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from typing import Any

@@ -14,6 +14,7 @@ mean.
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,8 +31,6 @@ from wt_gym.commands.options import (
 from wt_gym.commands.program import UNSAFE
 
 if TYPE_CHECKING:
-    import argparse
-
     from wt_gym.experiment.loadcase_runs import LoadCaseConfig
 
 EPILOG = UNSAFE

@@ -10,15 +10,14 @@ of wt-gym evaluate.
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wt_gym.commands.options import add_shared
 
 if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Mapping
-
     from wt_gym.turbines import Turbine
 
 SHOWN = (

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.base.options import add_options, chosen_options, named_value, options_of
+from wt_gym.base.options import Options, add_options, chosen_options, named_value, options_of
 from wt_gym.commands.program import FIDELITIES_HELP, folder_path, json_value
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from wt_gym.base.options import Options
     from wt_gym.deployment.export.openfast_flight import Scene
     from wt_gym.experiment.evaluation import EvaluationConfig
     from wt_gym.experiment.execute import Executor

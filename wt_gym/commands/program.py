@@ -1,7 +1,5 @@
 """What the commands share: how they are called, and how they end where something is refused or missing."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import json
@@ -9,17 +7,15 @@ import os
 import select
 import signal
 import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import gymnasium as gym
 
 import wt_gym
 from wt_gym.base.errors import WtGymError, plain_numbers
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 UNSAFE = """Models, statistics and replay buffers (.zip, .pkl) are pickled Python objects, which can run any code when
 they are loaded, and so can files of your own (file.py:Class): take none from strangers."""

@@ -11,9 +11,11 @@ of the wind. An interrupted command continues where it was, as long as program a
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import time
+from collections.abc import Callable
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -21,9 +23,6 @@ from wt_gym.commands.options import add_shared
 from wt_gym.commands.program import FIDELITIES_HELP, IN_CLONE
 
 if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Callable
-
     from wt_gym.envs.record_store import RecordedTurbine
 
 STOPPED = "the runs that are done stay: the same command continues"

@@ -10,17 +10,12 @@ benchmark, and "kept" is the share of the nominal gain over the base controller 
 folder of the results as soon as it is done: the same command resumes. docs/howto/variation.md describes the conditions.
 """
 
-from __future__ import annotations
-
+import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.commands.options import MODELS, WORKERS, add_shared, agents_of, environment_of, evaluation_of, executor_of
 from wt_gym.commands.program import UNSAFE
-
-if TYPE_CHECKING:
-    import argparse
-
 
 EPILOG = UNSAFE
 STOPPED = "the same command resumes with what is in {out}"

@@ -9,19 +9,15 @@ folder: the same command resumes where an earlier one was stopped.
 Exit status: as of wt-gym train.
 """
 
-from __future__ import annotations
-
+import argparse
 import signal
 import sys
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.commands.options import add_shared
 from wt_gym.commands.program import UNSAFE
 from wt_gym.commands.train import add_training_options, configuration
-
-if TYPE_CHECKING:
-    import argparse
 
 EPILOG = UNSAFE
 STOPPED = "the same command resumes"

@@ -9,17 +9,12 @@ with update_setpoints(id, time, measurements) as users of ROSCO write it; zero l
 server ends with the last of them, --turbines says how many there are. Needs the extra "serve" (pyzmq).
 """
 
-from __future__ import annotations
-
+import argparse
 import logging
-from typing import TYPE_CHECKING
 
 from wt_gym.commands.options import MODELS, add_shared
 from wt_gym.commands.program import UNSAFE
 from wt_gym.tasks import DEFAULT_ENV
-
-if TYPE_CHECKING:
-    import argparse
 
 EPILOG = UNSAFE
 STOPPED = "turbines that are still running wait for answers: end their simulations"

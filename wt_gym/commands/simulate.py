@@ -14,6 +14,7 @@ Each is written when its run ends, and when it is ended by Ctrl-C or SIGTERM, wi
 
 from __future__ import annotations
 
+import argparse
 import math
 import sys
 import time
@@ -28,8 +29,6 @@ from wt_gym.commands.options import add_shared, turbine_of, with_record
 from wt_gym.commands.program import file_ending_in
 
 if TYPE_CHECKING:
-    import argparse
-
     import xarray as xr
 
     from wt_gym.hydrodynamics.waves import WaveComponents

@@ -21,6 +21,7 @@ from __future__ import annotations
 import argparse
 import json
 import signal
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,8 +32,6 @@ from wt_gym.commands.program import UNSAFE, user_errors
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from wt_gym.learning.options import TrainingConfig
 
 EPILOG = UNSAFE

@@ -7,15 +7,11 @@
 Needs the extra "tune".
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+import argparse
+from typing import Any
 
 from wt_gym.commands.options import add_shared, turbine_of
 from wt_gym.commands.program import file_ending_in
-
-if TYPE_CHECKING:
-    import argparse
 
 STOPPED = "the trials so far are in the file of --out, if it was given"
 

@@ -1,23 +1,17 @@
 """From a normalized action to the demands on pitch drives, yaw drive and generator, and back."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import ActionError, did_you_mean
 from wt_gym.control.operating_point import operating_point, torque_curve
 from wt_gym.control.sensors import FIXED_FRAME, harmonic_of_blades, to_blades
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 ACTION_MODES = ("rate", "absolute", "residual")
 RESIDUAL_FORMS = ("rate", "offset")

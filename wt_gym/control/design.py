@@ -46,26 +46,21 @@ with ``M = n int m w^2 ds``, ``P = n int m r w ds`` and ``kappa = int w r^2 ds /
 with r^2 along the blade. Blade and hub then swing with ``w_r = w_e / sqrt(1 - P^2 / (J M))``.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.control.rotor import Rotor, fine_pitch, rotor_of
+from wt_gym.turbines import Support, Tower, Turbine
 from wt_gym.turbines.model import at_controller_density
 from wt_gym.wind.iec import REFERENCE_INTENSITY, turbulence_sigma
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.turbines import Support, Tower, Turbine
 
 
 def reference_flap_moment(turbine: Turbine) -> float:

@@ -13,7 +13,6 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -22,11 +21,9 @@ from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.quantities import AIR_DENSITY
 from wt_gym.control.design import DesignPoint, design_point, published, rated_mechanical_power, trim_pitch
 from wt_gym.control.rotor import fine_pitch, rotor_of, rotor_table
+from wt_gym.turbines import Turbine
+from wt_gym.wind import Inflow
 from wt_gym.wind.inflow import start_speed
-
-if TYPE_CHECKING:
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 
 @dataclass(frozen=True)

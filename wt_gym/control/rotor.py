@@ -22,20 +22,17 @@ from bisect import bisect_right
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RectBivariateSpline
 
 from wt_gym.base.user_cache import user_cache
 from wt_gym.turbine_records import RECORDS
+from wt_gym.turbines import Turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.model import at_controller_density, without_site
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.turbines import Turbine
 
 _N_SPAN = 30
 """Sections; the power changes by less than 0.3 % with twice as many."""

@@ -17,22 +17,17 @@ Filters are exact for an input held over each step, whatever its length.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
 from wt_gym.base.quantities import wrapped
+from wt_gym.wind import Inflow
 from wt_gym.wind.inflow import velocity_ahead
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.wind import Inflow
 
 FIXED_FRAME = ("mean", "tilt", "yaw")
 

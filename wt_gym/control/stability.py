@@ -34,25 +34,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from wt_gym.base.errors import ControllerError, warn_once
 from wt_gym.control.design import rotor_inertia, tower_top
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.rotor import rotor_of
+from wt_gym.turbines import Turbine
 from wt_gym.wind.iec import REFERENCE_INTENSITY, turbulence_sigma
 
 if TYPE_CHECKING:
-    from typing import Any
-
-    from numpy.typing import NDArray
-
     from wt_gym.control.controllers.discon import BaselineParameters
     from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters, WindEstimator
-    from wt_gym.turbines import Turbine
 
 LEAST_DAMPING = 0.15
 """Damping ratio of the rotor's mode below which a controller is warned of: a step then overshoots by more than 62 %

@@ -10,18 +10,22 @@ from __future__ import annotations
 import logging
 import math
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.errors import ActionError, ControllerError
-from wt_gym.bridges.rosco import FIRST_CALL, MOST_BLADES, READINGS, SET_POINTS, Message, SetPoints
+from wt_gym.bridges.rosco import FIRST_CALL, MOST_BLADES, READINGS, SET_POINTS, Answers, Message, SetPoints
 from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers.additions import ResidualPitch
-from wt_gym.control.controllers.names import load_class
+from wt_gym.control.controllers.names import Name, load_class
 from wt_gym.control.sensors import harmonic_of_blades, to_blades
 from wt_gym.envs.channels import RESIDUAL_GROUPS
+from wt_gym.envs.episode import Agent
+from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.observations import Observer
 from wt_gym.envs.options import flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import WindTurbineEnv
@@ -31,16 +35,6 @@ from wt_gym.experiment.names import env_choices_of, read_name
 from wt_gym.simulation.channels import Signals, new_values
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.tasks import DEFAULT_ENV
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from numpy.typing import NDArray
-
-    from wt_gym.bridges.rosco import Answers
-    from wt_gym.control.controllers.names import Name
-    from wt_gym.envs.episode import Agent
-    from wt_gym.envs.layout import EnvLayout
 
 _log = logging.getLogger(__name__)
 _NOT_RUN = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
@@ -11,8 +12,8 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from wt_gym.base.options import check_whole_steps
-from wt_gym.control import ActionMap
-from wt_gym.control.controllers import AboveRated, starting_part
+from wt_gym.control import ActionMap, AgentSetpoint, Demand
+from wt_gym.control.controllers import AboveRated, Controller, starting_part
 from wt_gym.control.controllers.additions import ResidualPitch
 from wt_gym.control.controllers.names import ALIASES, BASELINE, make_controller
 from wt_gym.control.controllers.supervisor import supervisor_of
@@ -29,10 +30,12 @@ from wt_gym.envs.operation import OWN, Operation, simulator_maker
 from wt_gym.envs.power_reference import PowerReferenceTerm
 from wt_gym.envs.sea import SeaTerm
 from wt_gym.envs.terminations import Costs, EpisodeLength, IdleClock, Limits, standstill_limit
-from wt_gym.envs.terms import Term, hooks
+from wt_gym.envs.terms import RewardTerm, Term, hooks
 from wt_gym.envs.twin import Twin
 from wt_gym.envs.variation import VariationTerm, check_variation
-from wt_gym.envs.wind_sampler import WindSampler
+from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
+from wt_gym.simulation import Fidelity, Signals
+from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.simulation.fidelity import choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
@@ -41,18 +44,10 @@ from wt_gym.turbines.model import LossShares, with_site
 from wt_gym.turbines.variants import with_electrical, with_generator
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from gymnasium.envs.registration import EnvSpec
 
-    from wt_gym.control import AgentSetpoint, Demand
-    from wt_gym.control.controllers import Controller
     from wt_gym.envs.options import EnvOptions
-    from wt_gym.envs.terms import RewardTerm
     from wt_gym.envs.turbine_env import WindTurbineEnv
-    from wt_gym.envs.wind_sampler import EpisodeWind
-    from wt_gym.simulation import Fidelity, Signals
-    from wt_gym.simulation.contract import SimulatorMaker, TurbineSimulator
 
 
 class Parts:

@@ -7,9 +7,11 @@ stores and compares canaries.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.canary import Canary, cached_canary, canary_text
 from wt_gym.base.errors import InflowError, SimulationError
@@ -20,19 +22,15 @@ from wt_gym.envs.faults import FAULT_KINDS, GRID_KINDS, SIZES, FaultOptions, Fau
 from wt_gym.envs.record_store import user_record_digest
 from wt_gym.envs.running_record import time_scale
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
+from wt_gym.simulation import Fidelity, Signals
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.turbines import Turbine
 from wt_gym.wind.inflow import fill_velocity
 from wt_gym.wind.turbulent import speed_path
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from numpy.typing import NDArray
-
     from wt_gym.envs.turbine_env import WindTurbineEnv
-    from wt_gym.simulation import Fidelity, Signals
-    from wt_gym.turbines import Turbine
 
 MakeEnv: TypeAlias = "Callable[..., WindTurbineEnv]"
 """Makes an environment of its arguments: that class, which stands above this module."""

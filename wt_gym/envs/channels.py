@@ -1,33 +1,27 @@
 """Everything that can be observed: channels with unit, scale, range and noise for a turbine, and how each is read."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.quantities import GRAVITY
-from wt_gym.control import Channel, NacelleAnemometer, torque_curve
-from wt_gym.control.controllers.additions import yaw_drive_of
+from wt_gym.control import ActionMap, Channel, NacelleAnemometer, torque_curve
+from wt_gym.control.controllers import Controller
+from wt_gym.control.controllers.additions import ResidualPitch, yaw_drive_of
 from wt_gym.control.controllers.linear_optimal import LinearOptimalPitch, linear_part
 from wt_gym.control.controllers.supervisor import STATES, supervisor_of
+from wt_gym.control.controllers.tsr_tracking import WindEstimator
 from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.control.sensors import FIXED_FRAME, to_fixed_frame
+from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
-
-if TYPE_CHECKING:
-    from wt_gym.control import ActionMap
-    from wt_gym.control.controllers import Controller
-    from wt_gym.control.controllers.additions import ResidualPitch
-    from wt_gym.control.controllers.tsr_tracking import WindEstimator
-    from wt_gym.simulation import Signals
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 OBSERVATION_GROUPS = (
     "rotor", "power", "pitch", "wind", "wind_estimate", "blades", "fixed_frame", "tower", "azimuth", "controller",

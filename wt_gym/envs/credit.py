@@ -19,27 +19,23 @@ the differences either, on purpose: a learner that discounts sees the whole effe
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from wt_gym.control.controllers.linear_optimal import LoadObserver, linear_part, side_sign
+from wt_gym.control.controllers import Controller
+from wt_gym.control.controllers.linear_optimal import LinearDesign, LoadObserver, linear_part, side_sign
 from wt_gym.envs.credit_kernels import effect_to_come
 from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
-from wt_gym.envs.terms import Term
+from wt_gym.envs.terms import Beginning, RewardTerm, Term
+from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import NDArray
-
-    from wt_gym.control.controllers import Controller
-    from wt_gym.control.controllers.linear_optimal import LinearDesign
     from wt_gym.envs.operation import Operation
-    from wt_gym.envs.terms import Beginning, RewardTerm
     from wt_gym.envs.twin import Twin
-    from wt_gym.turbines import Turbine
 
 FATIGUE = (BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue)
 HORIZON = 15.0

@@ -19,14 +19,12 @@ import numpy as np
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Options, option, option_record, options_of, real_number, shown
 from wt_gym.control import Channel
-from wt_gym.envs.channels import Observed
-from wt_gym.envs.terms import Term
+from wt_gym.envs.channels import Observed, Situation
+from wt_gym.envs.terms import Beginning, Request, Term
 
 if TYPE_CHECKING:
     from wt_gym.envs.builder import Parts
-    from wt_gym.envs.channels import Situation
     from wt_gym.envs.operation import Operation
-    from wt_gym.envs.terms import Beginning, Request
 
 DIAL_NAMES = ("fatigue", "power", "travel")
 """Names of the factors, in the order of columns and channels."""

@@ -17,29 +17,26 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from multiprocessing import parent_process
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import check_number, shown
 from wt_gym.control import OperatingPoint
+from wt_gym.control.controllers.controller import StartsTurbine
 from wt_gym.control.operating_point import starting_point
 from wt_gym.envs.record_store import find_record
 from wt_gym.envs.running_record import WINDOWS, Start, rotor_wind, time_scale
-from wt_gym.envs.terms import Beginning, Plant, Request
+from wt_gym.envs.terms import Beginning, Plant, Request, Term
+from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
+from wt_gym.simulation import Fidelity
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.drivetrain.faults import checked_faults
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.turbines import Turbine
 from wt_gym.wind import MirroredInflow
 from wt_gym.wind.inflow import PointInflow, start_speed
-
-if TYPE_CHECKING:
-    from wt_gym.control.controllers.controller import StartsTurbine
-    from wt_gym.envs.terms import Term
-    from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
-    from wt_gym.simulation import Fidelity
-    from wt_gym.turbines import Turbine
 
 DRAW_ORDER = ("variation", "wind", "start", "power_reference", "fault", "dial", "sea")
 """Order of the draws of an episode: another one would give every seed another episode."""

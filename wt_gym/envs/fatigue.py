@@ -1,23 +1,17 @@
 """Fatigue in the reward: moments freed of their slow mean, squared, and exact damage by rainflow counting."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import ClassVar, cast
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, TOWER_EXPONENT
 from wt_gym.control.design import reference_flap_moment, reference_tower_moment
 from wt_gym.control.sensors import to_harmonic
-from wt_gym.envs.terms import HighPass, bounded_square
-
-if TYPE_CHECKING:
-    from wt_gym.envs.terms import Transition
-    from wt_gym.simulation import Signals
-    from wt_gym.turbines import Turbine
-
+from wt_gym.envs.terms import HighPass, Transition, bounded_square
+from wt_gym.simulation import Signals
+from wt_gym.turbines import Turbine
 
 LOADS = ("flap_mean", "flap_tilt", "flap_yaw", "tower_fore_aft", "tower_side_side")
 """Loads of the fatigue terms, each over the reference of its term and freed of its mean."""

@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -33,14 +33,16 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Options, as_pair, as_tuple, check_number, not_empty, option, option_record, shown
 from wt_gym.control.design import reference_flap_moment
 from wt_gym.envs.operation import OWN
-from wt_gym.envs.terms import Term
-from wt_gym.simulation.drivetrain.faults import PitchMisalignment, SensorBias, SlowPitch, StuckPitch, VoltageDip
-from wt_gym.turbines.blade import BladeIce
-
-if TYPE_CHECKING:
-    from wt_gym.envs.terms import Request
-    from wt_gym.simulation.drivetrain.faults import DriveFault
-    from wt_gym.turbines import Turbine
+from wt_gym.envs.terms import Request, Term
+from wt_gym.simulation.drivetrain.faults import (
+    DriveFault,
+    PitchMisalignment,
+    SensorBias,
+    SlowPitch,
+    StuckPitch,
+    VoltageDip,
+)
+from wt_gym.turbines import BladeIce, Turbine
 
 NO_FAULT, ALL = "none", "all"
 """Kind of an episode in which nothing breaks, and what stands for all kinds."""

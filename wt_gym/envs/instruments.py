@@ -1,25 +1,17 @@
 """Instruments of an episode, with noise, offsets and delay, and the response to pitch."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.quantities import wrapped
-from wt_gym.control.sensors import LowPass
+from wt_gym.control import Channel, LowPass
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import ODD, channel_table
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from wt_gym.control import Channel
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 TIME_CONSTANT = 10.0
 """Time constant of the mean about which deviations are multiplied [s]."""

@@ -1,19 +1,14 @@
 """Which number of an observation or action is which: for controllers, wrappers, reports and documentation."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from wt_gym.control import ActionMap, Channel, Lidar
 from wt_gym.envs.observation_kernels import normalize
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from wt_gym.control import ActionMap, Channel, Lidar
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 
 class ObservationLayout:

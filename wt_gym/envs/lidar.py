@@ -1,21 +1,14 @@
 """The lidar of an environment: which one is read, with what noise, and its channels of an observation."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from wt_gym.base.options import shown
 from wt_gym.control import Channel, Lidar
-from wt_gym.control.controllers import lidar_of
-from wt_gym.envs.channels import Observed
+from wt_gym.control.controllers import Controller, lidar_of
+from wt_gym.envs.channels import Observed, Situation
 from wt_gym.envs.terms import Term
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from wt_gym.control.controllers import Controller
-    from wt_gym.envs.channels import Situation
 
 LIDAR_NOISE = 0.1
 """Noise of the mean over the beams of a gate of a lidar, at level 1 [m/s]."""

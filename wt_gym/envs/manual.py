@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from textwrap import TextWrapper
 from typing import TYPE_CHECKING
 
+from wt_gym.control import Channel
 from wt_gym.control.controllers.names import controller_summary
 from wt_gym.envs.operation import OWN
 from wt_gym.envs.options import documentation
@@ -16,11 +17,8 @@ from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.tasks import task_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from gymnasium.envs.registration import EnvSpec
 
-    from wt_gym.control import Channel
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
 from wt_gym.base.options import Options, as_tuple, option, option_record, shown
 from wt_gym.base.quantities import wrapped
-from wt_gym.control import Lidar
+from wt_gym.control import ActionMap, Lidar
 from wt_gym.control.controllers.tsr_tracking import WindEstimator
 from wt_gym.envs.channels import DEFAULT_GROUPS, Observable, Observed, Sensors, Situation
 from wt_gym.envs.layout import ObservationLayout
@@ -21,12 +21,7 @@ from wt_gym.envs.observation_kernels import read_signals
 from wt_gym.envs.terms import Stateful
 from wt_gym.simulation import Signals
 from wt_gym.simulation.channels import EVEN, ODD, channel_table
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from wt_gym.control import ActionMap
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 MOST_READINGS = 1000
 """Most readings in an observation, and most control steps by which they are late: 200 s at the usual step of 0.2 s."""

@@ -11,32 +11,26 @@ import numpy as np
 
 from wt_gym.base.errors import SimulationError, did_you_mean
 from wt_gym.base.options import shown
-from wt_gym.control import AgentSetpoint, Demand
-from wt_gym.control.controllers import WithDemandedPower, WithLidar, checked_demand, lidar_of
-from wt_gym.control.controllers.additions import yaw_drive_of
+from wt_gym.control import ActionMap, AgentSetpoint, Demand, Lidar
+from wt_gym.control.controllers import Controller, Readings, WithDemandedPower, WithLidar, checked_demand, lidar_of
+from wt_gym.control.controllers.additions import ResidualPitch, YawByDeadBand, yaw_drive_of
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
-from wt_gym.control.controllers.supervisor import supervisor_of
-from wt_gym.envs.terms import Stateful, hooks
-from wt_gym.simulation import Simulator
+from wt_gym.control.controllers.supervisor import Supervisor, supervisor_of
+from wt_gym.envs.instruments import Instruments, PitchGain
+from wt_gym.envs.terms import Beginning, Plant, Stateful, hooks
+from wt_gym.envs.wind_sampler import EpisodeWind
+from wt_gym.hydrodynamics.waves import WaveComponents
+from wt_gym.simulation import Fidelity, Signals, Simulator
+from wt_gym.simulation.contract import DrivenSimulator, SimulatorMaker, TurbineSimulator
 from wt_gym.simulation.drivetrain.faults import DriveFault, PitchMisalignment, SensorBias, VoltageDip
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.turbines import BladeIce, Turbine
+from wt_gym.wind import Inflow
 
 if TYPE_CHECKING:
-    from wt_gym.control import ActionMap, Lidar
-    from wt_gym.control.controllers import Controller, Readings
-    from wt_gym.control.controllers.additions import ResidualPitch, YawByDeadBand
-    from wt_gym.control.controllers.supervisor import Supervisor
-    from wt_gym.envs.instruments import Instruments, PitchGain
     from wt_gym.envs.power_reference import PowerReference
-    from wt_gym.envs.terms import Beginning, Plant
     from wt_gym.envs.variation import DrawnVariation
-    from wt_gym.envs.wind_sampler import EpisodeWind
-    from wt_gym.hydrodynamics.waves import WaveComponents
-    from wt_gym.simulation import Fidelity, Signals
-    from wt_gym.simulation.contract import DrivenSimulator, SimulatorMaker, TurbineSimulator
-    from wt_gym.turbines import BladeIce, Turbine
-    from wt_gym.wind import Inflow
 
 OWN = "wt_gym"
 """Name of the simulator of this package."""

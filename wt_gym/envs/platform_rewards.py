@@ -1,17 +1,11 @@
 """Reward of a floating platform: how far it swings, and how far it leans."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-from wt_gym.envs.terms import HighPass, bounded_square
-
-if TYPE_CHECKING:
-    from wt_gym.envs.terms import Transition
-    from wt_gym.simulation import Signals
-    from wt_gym.turbines import Turbine
+from wt_gym.envs.terms import HighPass, Transition, bounded_square
+from wt_gym.simulation import Signals
+from wt_gym.turbines import Turbine
 
 
 @dataclass(eq=False)

@@ -1,23 +1,18 @@
 """Power, relative to what the wind and the turbine allow."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.control.design import design_point, rotor_inertia
+from wt_gym.envs.terms import Transition
+from wt_gym.simulation import Signals
+from wt_gym.turbines import Turbine
+from wt_gym.wind import Inflow
 from wt_gym.wind.inflow import fill_velocity, read_only
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.envs.terms import Transition
-    from wt_gym.simulation import Signals
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 RINGS, AZIMUTHS = np.sqrt([0.25, 0.75]), 2.0 * np.pi * np.arange(6) / 6
 """Points of equal area of a rotor disc: radii over that of the rotor [-], azimuths [rad]."""

@@ -31,17 +31,15 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Options, as_pair, option, option_record, options_of, shown
 from wt_gym.control import Channel
 from wt_gym.control.design import rotor_inertia
-from wt_gym.envs.channels import Observed
+from wt_gym.envs.channels import Observed, Situation
 from wt_gym.envs.power import available_power, efficiency
-from wt_gym.envs.terms import Term
+from wt_gym.envs.terms import Request, Term, Transition
+from wt_gym.envs.wind_sampler import EpisodeWind
+from wt_gym.simulation import Signals
+from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
-    from wt_gym.envs.channels import Situation
     from wt_gym.envs.operation import Operation
-    from wt_gym.envs.terms import Request, Transition
-    from wt_gym.envs.wind_sampler import EpisodeWind
-    from wt_gym.simulation import Signals
-    from wt_gym.turbines import Turbine
 
 AHEAD = (2.0, 5.0, 10.0)
 """Times for which the reference is known in advance [s]: a schedule, not a regulation signal, is."""

@@ -18,12 +18,14 @@ import math
 import pickle
 import zipfile
 import zlib
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.canary import Canary, cached_canary, canary_differences, canary_text
 from wt_gym.base.errors import SimulationError
@@ -37,16 +39,8 @@ from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import suited_fidelity
 from wt_gym.turbine_records import RECORDS
-from wt_gym.turbines import load_turbine
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from wt_gym.turbines import BeamStations, Turbine
-    from wt_gym.wind import TurbulentInflow
-
+from wt_gym.turbines import BeamStations, Turbine, load_turbine
+from wt_gym.wind import TurbulentInflow
 
 _log = logging.getLogger(__name__)
 _T = TypeVar("_T")

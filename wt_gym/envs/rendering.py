@@ -4,13 +4,12 @@ matplotlib draws them. A live view is a window of its own; without a display it 
 written again at every step.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections import deque
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -20,15 +19,10 @@ from matplotlib.figure import Figure
 from wt_gym.analysis.scene import Scene
 from wt_gym.base.files import write_whole
 from wt_gym.base.picture_style import BLUE, GRAY, INK, plain
-from wt_gym.envs.terms import Term
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from wt_gym.envs.operation import Operation
-    from wt_gym.envs.terms import Beginning, Transition
-    from wt_gym.simulation import Signals
-    from wt_gym.turbines import Turbine
+from wt_gym.envs.operation import Operation
+from wt_gym.envs.terms import Beginning, Term, Transition
+from wt_gym.simulation import Signals
+from wt_gym.turbines import Turbine
 
 _WINDOW = 60.0
 _RPM = 30 / np.pi

@@ -15,13 +15,11 @@ from wt_gym.envs.fatigue import BladeFatigue, Damage, TowerForeAftFatigue, Tower
 from wt_gym.envs.platform_rewards import PlatformMotion
 from wt_gym.envs.power import Power
 from wt_gym.envs.power_reference import PowerTracking
-from wt_gym.envs.terms import bounded_square
+from wt_gym.envs.terms import RewardTerm, Transition, bounded_square
+from wt_gym.simulation import Signals
+from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
-    from wt_gym.envs.terms import RewardTerm, Transition
-    from wt_gym.simulation import Signals
-    from wt_gym.turbines import Turbine
-
     Part: TypeAlias = str | RewardTerm | Callable[[Transition], float]
 
 

@@ -16,12 +16,13 @@ import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers import WithDemandedPower, checked_demand, readings_of
+from wt_gym.control.controllers import Controller, Readings, WithDemandedPower, checked_demand, readings_of
 from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of, remember
 from wt_gym.control.operating_point import starting_point
 from wt_gym.control.sensors import to_blades, to_fixed_frame
@@ -30,16 +31,10 @@ from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, parities
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
+from wt_gym.turbines import Turbine
 from wt_gym.turbines.variants import REFLECTION_6
+from wt_gym.wind import Inflow
 from wt_gym.wind.inflow import fill_velocity, read_only
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.control import Demand
-    from wt_gym.control.controllers import Controller, Readings
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 
 def kind_of(controller: Controller) -> str:

@@ -13,14 +13,13 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import options_of, shown
 from wt_gym.control import Channel
 from wt_gym.envs.channels import Observed
-from wt_gym.envs.terms import Term
+from wt_gym.envs.terms import Request, Term
 from wt_gym.hydrodynamics.waves import SeaState, WaveComponents
 from wt_gym.simulation.channels import EVEN, ODD
+from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
     from wt_gym.envs.operation import Operation
-    from wt_gym.envs.terms import Request
-    from wt_gym.turbines import Turbine
 
 STILL = "still"
 MISALIGNMENT = "misalignment"

@@ -8,15 +8,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
-if TYPE_CHECKING:
-    import numpy as np
+import numpy as np
 
+from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
+from wt_gym.simulation import Signals
+from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias
+from wt_gym.turbines import BladeIce, Turbine
+from wt_gym.wind import Inflow
+
+if TYPE_CHECKING:
     from wt_gym.envs.running_record import Start
-    from wt_gym.envs.wind_sampler import EpisodeWind, WindSampler
-    from wt_gym.simulation import Signals
-    from wt_gym.simulation.drivetrain.faults import DriveFault, SensorBias
-    from wt_gym.turbines import BladeIce, Turbine
-    from wt_gym.wind import Inflow
 
 
 class Stateful:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self, cast
 
 import gymnasium as gym
@@ -16,16 +17,12 @@ from wt_gym.envs.manual import describe, manual
 from wt_gym.envs.operation import make_simulator
 from wt_gym.envs.options import RENDER_MODES, EnvOptions, PlainSpec, named_arguments, signature
 from wt_gym.envs.terminations import registered_limit, tip_clearance
-from wt_gym.envs.terms import EnvSnapshot, Stateful, Transition, hooks
+from wt_gym.envs.terms import Beginning, EnvSnapshot, Stateful, Transition, hooks
+from wt_gym.simulation import Signals
+from wt_gym.simulation.contract import SimulatorMaker
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from gymnasium import spaces
-
-    from wt_gym.envs.terms import Beginning
-    from wt_gym.simulation import Signals
-    from wt_gym.simulation.contract import SimulatorMaker
 
 
 class WindTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray], Stateful, Parts):

@@ -14,8 +14,10 @@ import threading
 import zipfile
 from array import array
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,19 +29,23 @@ from wt_gym.control.controllers import parts_of
 from wt_gym.envs.canary import canary_of
 from wt_gym.envs.fatigue import LOADS, present_loads
 from wt_gym.envs.operation import make_simulator
-from wt_gym.envs.terms import EnvSnapshot, Term
+from wt_gym.envs.terms import Beginning, EnvSnapshot, Term
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.wind import MirroredInflow, PathInflow, SteadyInflow, TransientInflow, TurbulentInflow, TurningInflow
+from wt_gym.wind import (
+    Inflow,
+    MirroredInflow,
+    PathInflow,
+    SteadyInflow,
+    TransientInflow,
+    TurbulenceBox,
+    TurbulentInflow,
+    TurningInflow,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
     from wt_gym.envs.running_record import Start
-    from wt_gym.envs.terms import Beginning
     from wt_gym.envs.turbine_env import WindTurbineEnv
-    from wt_gym.wind import Inflow, TurbulenceBox
 
 MOST_NUMBERS = 8_000_000
 """Rewards in memory, 64 MB; the course that was asked for longest ago goes first."""

@@ -24,25 +24,23 @@ import numpy as np
 
 from wt_gym.base.errors import ActionError, InflowError, did_you_mean
 from wt_gym.base.options import Options, as_tuple, check_whole_steps, not_empty, option, option_record, options_of
+from wt_gym.control import ActionMap, Lidar
 from wt_gym.envs.channels import Observable
 from wt_gym.envs.instruments import DRIFTING, Instruments, InstrumentTable, PitchGain
 from wt_gym.envs.lidar import lidar_noise
 from wt_gym.envs.observations import MOST_READINGS
 from wt_gym.envs.operation import OWN
-from wt_gym.envs.terms import Plant, Term
+from wt_gym.envs.terms import Plant, Request, Term
+from wt_gym.envs.wind_sampler import EpisodeWind, WindOptions
 from wt_gym.simulation.drivetrain.faults import SensorBias
-from wt_gym.turbines.model import with_site
+from wt_gym.turbines import Turbine
+from wt_gym.turbines.model import PitchSystem, Tower, with_site
 from wt_gym.wind import TurningInflow
 from wt_gym.wind.iec import REFERENCE_INTENSITY
 
 if TYPE_CHECKING:
-    from wt_gym.control import ActionMap, Lidar
     from wt_gym.envs.observations import ObservationOptions
     from wt_gym.envs.operation import Operation
-    from wt_gym.envs.terms import Request
-    from wt_gym.envs.wind_sampler import EpisodeWind, WindOptions
-    from wt_gym.turbines import Turbine
-    from wt_gym.turbines.model import PitchSystem, Tower
 
 NO_SENSOR = ""
 """Among the sensors that may be dead: none is."""

@@ -1,11 +1,9 @@
 """Many turbines in one process, stepped by threads: the compiled step of the simulator lets others run meanwhile."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
@@ -21,9 +19,6 @@ from wt_gym.envs.manual import describe
 from wt_gym.envs.options import EnvOptions, PlainSpec
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation.compilation import usable_cores
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
 
 
 class Outcome(NamedTuple):

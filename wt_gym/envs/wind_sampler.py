@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
 from wt_gym.base.errors import InflowError, did_you_mean
 from wt_gym.base.options import Options, as_pair, not_empty, option, option_record, real_number, shown
+from wt_gym.turbines import Turbine
 from wt_gym.wind import (
     Inflow,
     PathInflow,
@@ -37,9 +38,6 @@ from wt_gym.wind.iec import (
 )
 from wt_gym.wind.inflow import require_cover
 from wt_gym.wind.turbulent import speed_path
-
-if TYPE_CHECKING:
-    from wt_gym.turbines import Turbine
 
 TRAINING_WIND_SEEDS = tuple(range(1, 25))
 """Wind seeds from which training episodes draw by default."""

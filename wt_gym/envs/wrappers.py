@@ -14,6 +14,7 @@ so the filter is a bound on what a filter of a turbine, which must estimate that
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -27,8 +28,6 @@ from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.turbines.variants import unloaded_clearance
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from wt_gym.envs.turbine_env import WindTurbineEnv
 
 PROTECTION = "protection"

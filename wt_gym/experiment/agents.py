@@ -10,23 +10,21 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control import AgentSetpoint, Demand
-from wt_gym.control.controllers import checked_demand, lidar_of, make_controller
-from wt_gym.control.controllers.names import call_maker, load_class
+from wt_gym.control.controllers import Controller, checked_demand, lidar_of, make_controller
+from wt_gym.control.controllers.names import Name, call_maker, load_class
+from wt_gym.envs.layout import EnvLayout
+from wt_gym.envs.terms import EnvSnapshot
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.names import is_base_controller, read_name
 
 if TYPE_CHECKING:
     import gymnasium as gym
-    from numpy.typing import ArrayLike, NDArray
 
-    from wt_gym.control.controllers import Controller
-    from wt_gym.control.controllers.names import Name
     from wt_gym.envs.episode import Agent
-    from wt_gym.envs.layout import EnvLayout
-    from wt_gym.envs.terms import EnvSnapshot
     from wt_gym.experiment.trained_agent import TrainedAgent
 
 __all__ = [

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,29 +33,23 @@ from wt_gym.analysis.statistics import LEAST_PER_STRATUM, Estimate, change_in_wi
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers import Name, make_controller
+from wt_gym.envs.episode import Agent
 from wt_gym.envs.operation import OWN, simulator_maker
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.agents import load_agent, load_model
 from wt_gym.experiment.environments import environment_of_training
-from wt_gym.experiment.execute import Experiment
+from wt_gym.experiment.execute import Executor, Experiment
 from wt_gym.experiment.names import INTERFACE, RESIDUAL_INTERFACE, env_choices_of, is_base_controller, read_name
 from wt_gym.experiment.run import LEAST_MEASURED, benchmark_metrics, play, run_controller
 from wt_gym.simulation import Fidelity
+from wt_gym.simulation.contract import TurbineSimulator
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.fidelity import suited_fidelity
-from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.turbines import Turbine
+from wt_gym.wind import Inflow, SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-    from pathlib import Path
-
     import xarray as xr
-
-    from wt_gym.envs.episode import Agent
-    from wt_gym.experiment.execute import Executor
-    from wt_gym.simulation.contract import TurbineSimulator
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 __all__ = [
     "COLUMNS", "ComparisonConfig", "ControllerRuns", "change", "comparison_table", "in_all_winds", "inflow_of",

@@ -1,11 +1,10 @@
 """Environments of agents: those of their training, and those that an experiment runs them in."""
 
-from __future__ import annotations
-
 import json
 import platform
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Self, cast
 
 import gymnasium as gym
 import numpy as np
@@ -16,6 +15,7 @@ from wt_gym.base.canary import differing
 from wt_gym.base.files import json_values
 from wt_gym.control.controllers import make_controller, supervisor_of
 from wt_gym.control.controllers.names import ALIASES, BASELINE, PREFIX
+from wt_gym.envs.episode import Agent
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options import argument_default, flat_arguments, registered_arguments
 from wt_gym.envs.turbine_env import turbine_env_of
@@ -23,12 +23,6 @@ from wt_gym.experiment.agents import load_agent, load_model
 from wt_gym.experiment.execute import Experiment
 from wt_gym.experiment.names import env_choices_of, fingerprint, is_base_controller, read_name
 from wt_gym.experiment.run import ENDLESS, benchmark_fingerprint
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-    from typing import Self
-
-    from wt_gym.envs.episode import Agent
 
 _COMPARED = {"relative_reward": False, "reward_credit": False, "starts": None}
 """The baseline runs in the same wind and is compared afterwards; starts of a training are none of an evaluation."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, field, replace
 from pathlib import Path
@@ -19,12 +19,14 @@ from wt_gym.analysis.results import METRICS_FILE, RUNS_FOLDER, TABLE_FILE, Evalu
 from wt_gym.base.canary import differing
 from wt_gym.base.files import json_values, read_json, write_text_whole
 from wt_gym.base.options import LONGEST, Options, option, option_record
-from wt_gym.envs.layout import layout_of
+from wt_gym.envs.episode import Agent
+from wt_gym.envs.layout import EnvLayout, layout_of
 from wt_gym.envs.options import wind_files_of, with_whole_paths
 from wt_gym.envs.terminations import violated
-from wt_gym.envs.turbine_env import turbine_env_of
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, LARGEST_WIND_SEED
+from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, LARGEST_WIND_SEED, WindSampler
 from wt_gym.experiment.environments import AgentExperiment, with_common_step
+from wt_gym.experiment.execute import Executor
 from wt_gym.experiment.names import fingerprint
 from wt_gym.experiment.options import ClimateOptions
 from wt_gym.experiment.run import LEAST_MEASURED, EpisodePlayer, benchmark_fingerprint
@@ -32,15 +34,7 @@ from wt_gym.experiment.store import SWEEP_FILE, RunStore, described, run_definit
 from wt_gym.tasks import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     import xarray as xr
-
-    from wt_gym.envs.episode import Agent
-    from wt_gym.envs.layout import EnvLayout
-    from wt_gym.envs.turbine_env import WindTurbineEnv
-    from wt_gym.envs.wind_sampler import WindSampler
-    from wt_gym.experiment.execute import Executor
 
 __all__ = [
     "CONFIGURATION_FILE", "DEFAULT_WIND_SEEDS", "FIRST_SEED", "REPORT_FILE", "EvaluationConfig", "EvaluationFolder",

@@ -1,10 +1,8 @@
 """Load cases as tables in text and as one HTML page that opens without a network."""
 
-from __future__ import annotations
-
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -36,12 +34,9 @@ from wt_gym.analysis.page import (
     write_page,
 )
 from wt_gym.analysis.statistics import LIFETIME_EXPONENTS
-from wt_gym.experiment.loadcase_runs import CLEARANCE, PARKED, SPEED, TABLE_FILE
+from wt_gym.experiment.loadcase_runs import CLEARANCE, PARKED, SPEED, TABLE_FILE, CaseRun, LoadCaseResults, Value
 from wt_gym.experiment.loadcases import CASES, DEFLECTION_FACTOR, EXTRAPOLATION, SKIP
 from wt_gym.experiment.store import RUNS_FOLDER
-
-if TYPE_CHECKING:
-    from wt_gym.experiment.loadcase_runs import CaseRun, LoadCaseResults, Value
 
 _EXTREMES = {
     "blade_flap_max": Metric("Blade root flapwise moment", "MN m", 1e-6, -1, 1),

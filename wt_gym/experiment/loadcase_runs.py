@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,10 +20,12 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import json_values, require_writable, write_text_whole
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control import Demand
+from wt_gym.envs.episode import Agent
 from wt_gym.envs.operation import OWN
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.envs.wind_sampler import TURBULENCE
 from wt_gym.experiment.environments import AgentExperiment, with_common_step
+from wt_gym.experiment.execute import Executor
 from wt_gym.experiment.loadcases import (
     CASES,
     DEFLECTION_FACTOR,
@@ -38,20 +41,14 @@ from wt_gym.experiment.names import fingerprint
 from wt_gym.experiment.options import ClimateOptions
 from wt_gym.experiment.run import LEAST_MEASURED, benchmark_fingerprint, play, run_controller
 from wt_gym.experiment.store import RUNS_FOLDER, RunStore, run_definition
-from wt_gym.simulation import Recorder, Simulator
+from wt_gym.simulation import Fidelity, Recorder, Simulator
 from wt_gym.simulation.drivetrain.faults import FEATHER
 from wt_gym.tasks import DEFAULT_ENV
+from wt_gym.turbines import Turbine
 from wt_gym.turbines.variants import unloaded_clearance
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import xarray as xr
-
-    from wt_gym.envs.episode import Agent
-    from wt_gym.experiment.execute import Executor
-    from wt_gym.simulation import Fidelity
-    from wt_gym.turbines import Turbine
 
 __all__ = [
     "CLEARANCE", "COMPLETE", "EXTREMES", "PARKED", "REPORT_FILE", "SPEED", "TABLE_FILE", "CaseRun",

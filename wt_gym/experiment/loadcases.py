@@ -10,12 +10,11 @@ What the standard leaves to the designer is chosen here, and said in ``docs/load
 fault and stops, which sensors are wrong by how much, when in a gust things happen, how the wind stands to the rotor.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,13 +24,9 @@ from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
 from wt_gym.experiment.benchmark_tasks import transient_inflow
 from wt_gym.experiment.store import described
 from wt_gym.simulation.drivetrain.faults import DriveFault, GeneratorLoss, SensorBias, ShutDown, StuckPitch
+from wt_gym.turbines import Turbine
+from wt_gym.wind import Inflow
 from wt_gym.wind.iec import OPERATING_GUST_DURATION
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 __all__ = [
     "CASES", "DEFLECTION_FACTOR", "EXTRAPOLATION", "DesignCase", "DesignSituation", "Plan", "inflow_of", "plan_of",

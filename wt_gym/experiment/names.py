@@ -1,14 +1,13 @@
 """What the names of agents mean: those of controllers (`wt_gym.control.controllers.names`), and words for agents."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import logging
 import os
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.control.controllers.names import (
     ALIASES,
@@ -21,9 +20,6 @@ from wt_gym.control.controllers.names import (
     parse_name,
     source_digest,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
 
 _log = logging.getLogger(__name__)
 WORDS = ("zero", "random", "planner")

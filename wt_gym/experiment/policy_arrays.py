@@ -3,10 +3,9 @@
 In a torch forward pass of a few observations through two hidden layers of 64, dispatch takes longer than arithmetic.
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -14,9 +13,6 @@ from gymnasium import spaces
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import FlattenExtractor, MlpExtractor
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
 
 _HALF_LOG_2_PI = 0.5 * math.log(2.0 * math.pi)
 

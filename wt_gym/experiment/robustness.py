@@ -6,17 +6,17 @@ tasks of the benchmark, wind by wind against a reference in the same condition: 
 controller that the agent acts on top of.
 """
 
-from __future__ import annotations
-
 import json
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
+from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.analysis.statistics import estimate
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import write_text_whole
@@ -27,16 +27,10 @@ from wt_gym.experiment.agents import load_model
 from wt_gym.experiment.benchmark_tasks import load_task
 from wt_gym.experiment.environments import trained_arguments
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
-from wt_gym.experiment.execute import ProgressLine
+from wt_gym.experiment.execute import Executor, ProgressLine
 from wt_gym.experiment.names import own_controller, read_name
 from wt_gym.experiment.run import benchmark_metrics
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from wt_gym.analysis.results import Evaluation, Wind
-    from wt_gym.experiment.execute import Executor
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 NOMINAL = "nominal"
 RESULTS_FILE, TABLE_FILE = "robustness.json", "robustness.md"

@@ -2,48 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.analysis.metrics import IDLE_ATTRIBUTE, run_metrics
-from wt_gym.analysis.results import ReplayRecorder
+from wt_gym.analysis.results import Replay, ReplayRecorder
 from wt_gym.base.canary import CANARY, Canary, cached_canary, canary_text
 from wt_gym.base.errors import SimulationError
 from wt_gym.control import Demand
-from wt_gym.control.controllers import checked_demand, make_controller, readings_of
+from wt_gym.control.controllers import Controller, checked_demand, make_controller, readings_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.design import rotor_inertia
 from wt_gym.control.operating_point import starting_point
 from wt_gym.envs.canary import canary_of, control_step
-from wt_gym.envs.episode import episode_steps
+from wt_gym.envs.episode import Agent, EpisodeStep, episode_steps
 from wt_gym.envs.power import DiscWind, available_power
 from wt_gym.envs.record_store import user_record_digest
 from wt_gym.envs.running_record import time_scale
 from wt_gym.envs.terminations import IdleClock
 from wt_gym.envs.terms import Transition
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
-from wt_gym.simulation import Recorder
-from wt_gym.simulation.contract import fingerprint
+from wt_gym.simulation import Fidelity, Recorder, Signals
+from wt_gym.simulation.contract import TurbineSimulator, fingerprint
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.simulation.fidelity import suited_fidelity
+from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-
     import gymnasium as gym
     import xarray as xr
-    from numpy.typing import NDArray
-
-    from wt_gym.analysis.results import Replay
-    from wt_gym.control.controllers import Controller
-    from wt_gym.envs.episode import Agent, EpisodeStep
-    from wt_gym.simulation import Fidelity
-    from wt_gym.simulation.channels import Signals
-    from wt_gym.simulation.contract import TurbineSimulator
-    from wt_gym.turbines import Turbine
 
 __all__ = [
     "ENDLESS", "LEAST_MEASURED", "Episode", "EpisodePlayer", "benchmark_fingerprint", "benchmark_metrics",

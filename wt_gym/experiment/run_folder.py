@@ -1,10 +1,10 @@
 """The folder of a training: what it holds, and a lock against two trainings in it."""
 
-from __future__ import annotations
-
 import json
 import shutil
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 from wt_gym.base.files import read_json, write_text_whole
 from wt_gym.experiment.store import FolderLock
@@ -16,10 +16,6 @@ from wt_gym.experiment.trained_agent import (
     RECORD_FILE,
     read_record,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 SEEDS_FILE = "seeds.json"
 """Plan and summary of a training with several seeds."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -23,12 +24,10 @@ from wt_gym.control.operating_point import operating_point
 from wt_gym.experiment.execute import executor_for
 from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
+from wt_gym.turbines import Turbine
 from wt_gym.wind import SteadyInflow
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from wt_gym.turbines import Turbine
     from wt_gym.turbines.openfast_control import SteadyTable
 
 DURATION = 100.0

@@ -1,7 +1,5 @@
 """Identity of runs, and their results on disk: a file a run, named by the digest of its definition."""
 
-from __future__ import annotations
-
 import enum
 import functools
 import hashlib
@@ -9,20 +7,17 @@ import inspect
 import json
 import os
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from filelock import FileLock, Timeout
 
 from wt_gym.base.canary import CANARY, differing
 from wt_gym.base.files import read_json, remove_partial, write_text_whole
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 __all__ = ["RUNS_FOLDER", "SWEEP_FILE", "FolderLock", "RunStore", "described", "digest", "run_definition", "run_digest"]
 

@@ -10,11 +10,13 @@ import pickle
 import re
 import zipfile
 import zlib
+from collections.abc import Mapping
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 from sb3_contrib import ARS, TQC, TRPO, CrossQ, RecurrentPPO
 from stable_baselines3 import A2C, DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -25,11 +27,7 @@ from wt_gym.base.files import read_json
 from wt_gym.experiment.policy_arrays import PolicyArrays
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
     from gymnasium import spaces
-    from numpy.typing import NDArray
 
     from wt_gym.envs.layout import EnvLayout
 

@@ -10,10 +10,11 @@ import json
 import math
 import platform
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -26,16 +27,11 @@ from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers.names import BASELINE, SHORT_FOR, load_class
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment.benchmark_tasks import ScoreTerm, improvement
-from wt_gym.experiment.comparison import ComparisonConfig, run_cases
+from wt_gym.experiment.comparison import ComparisonConfig, ControllerRuns, run_cases
 from wt_gym.experiment.execute import ProgressLine, clock
 from wt_gym.experiment.names import read_name
 from wt_gym.experiment.run import LEAST_MEASURED
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from wt_gym.experiment.comparison import ControllerRuns
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 __all__ = ["SPACES", "Cost", "SearchRange", "TuningTask", "parameters_text", "tune"]
 

@@ -1,7 +1,5 @@
 """Base of the records of this package."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

@@ -12,8 +12,6 @@ velocity transformations; the inertia integrals c, j, d and m, whose number says
 bias of constraint equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -20,13 +20,11 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.base.files import whole_file
 from wt_gym.base.picture_style import BLUE, GREEN, INK, ORANGE, baseline, plain
 from wt_gym.base.quantities import Array
-from wt_gym.simulation.linearization import linearize
+from wt_gym.simulation.linear_model import Mode, RotorPoint, SteadyPoint
+from wt_gym.simulation.linearization import LinearizedSimulator, linearize
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from wt_gym.simulation.linear_model import Mode, RotorPoint, SteadyPoint
-    from wt_gym.simulation.linearization import LinearizedSimulator
 
 
 RPM = np.pi / 30.0

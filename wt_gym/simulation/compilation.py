@@ -5,8 +5,6 @@ each is compiled in a process of its own, into the cache that both share. The fi
 both, the other one, which is done earlier, with what a start calls and with the wind.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import math

@@ -14,7 +14,7 @@ axes of bending.
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -23,15 +23,13 @@ from wt_gym.base.compiled import compiled_for
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.quantities import Array
 from wt_gym.simulation.channels import EVEN, ODD, Channel
+from wt_gym.simulation.simulator import Simulator
 from wt_gym.simulation.step.coupling_kernels import read_gauges
 from wt_gym.simulation.step.measurement_kernels import AZIMUTH, YAW
 from wt_gym.simulation.turbine_structure import drag_heights, rotation_x
 from wt_gym.structure.beam import N_GAUSS, Beam
 from wt_gym.structure.flexible_body import offset_marker, particle_fields
 from wt_gym.turbines.blade import bending_matrices, principal_bending, rotation_about_z
-
-if TYPE_CHECKING:
-    from wt_gym.simulation.simulator import Simulator
 
 KINDS = ("none", "joints", "sections")
 """Loads to record: none, those in the joints, or those of sections too."""

@@ -15,8 +15,6 @@ Coordinates, rates and the points of the multistep scheme pass over by the close
 motion lies outside the new basis, second-order small in the change of the modes in a step, is lost.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

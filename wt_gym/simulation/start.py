@@ -1,7 +1,5 @@
 """The start of a simulation: turbine, wake and generator in balance with each other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -21,8 +21,6 @@ after its constraints are eliminated. The second-order (foreshortening) displace
 is part of every flexible body, nodal or modal.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -10,8 +10,6 @@ The frame of every sub-body is parallel to the frame of the whole beam in the un
 reference axis at the cut. Arc lengths are those of the whole beam throughout.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -10,16 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wt_gym.base.quantities import Array
-
-if TYPE_CHECKING:
-    from wt_gym.turbines import Turbine
-    from wt_gym.turbines.airfoil import Polar
+from wt_gym.turbines import Turbine
+from wt_gym.turbines.airfoil import Polar
 
 _SMALL = 1e-6
 _BISECTIONS = 46

@@ -10,8 +10,6 @@
 - The NREL 5-MW turbine on the monopile of the Offshore Code Comparison Collaboration (OC3).
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import json

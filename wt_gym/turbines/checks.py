@@ -1,7 +1,5 @@
 """Base of the records that describe a turbine, and checks of what belongs together in them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ The data are in ``data/NAME.json``: tower, and the gains of a controller that is
 control above rated wind does not drive it (Larsen & Hanson, J. Phys. Conf. Ser. 75, 2007, 012073).
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

@@ -4,8 +4,6 @@ ElastoDyn counts along its shaft axis, which points downwind: an upwind rotor ha
 and cone are negative. Here all three are positive.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

@@ -6,8 +6,6 @@ CCBlade, WISDEM and WEIS write them: names with units, or none, between commas o
 such a file beside a model and takes it where its largest power is the rated power of the turbine.
 """
 
-from __future__ import annotations
-
 import logging
 import re
 from dataclasses import dataclass

@@ -15,10 +15,7 @@ import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.quantities import GRAVITY, Array
-from wt_gym.hydrodynamics.drag import DragMember, HeavePlate
-from wt_gym.hydrodynamics.mooring import MooringLine
-from wt_gym.hydrodynamics.platform import Platform
-from wt_gym.hydrodynamics.potential import ExcitationTable, RadiationTable
+from wt_gym.hydrodynamics import DragMember, ExcitationTable, HeavePlate, MooringLine, Platform, RadiationTable
 from wt_gym.turbines.openfast_text import Model, TextFile, as_number, existing_file
 
 MOTIONS = ("PtfmSgDOF", "PtfmSwDOF", "PtfmHvDOF", "PtfmRDOF", "PtfmPDOF", "PtfmYDOF")

@@ -6,10 +6,9 @@ OpenFAST 2 to 5. A reader by line numbers, such as that of ``openfast_io``, belo
 file of another it takes the number of the line beside.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any, Self
 
@@ -36,6 +35,8 @@ _MOST_LEVELS = 10
 """Files that include each other."""
 _MOST_REPEATS = 1000
 _DEFAULT = re.compile(r"[\"']?default[\"']?", re.IGNORECASE)
+_KEYWORD = re.compile(r".{26}  (\S+) +-")
+"""Line of a template: value and keyword."""
 _QUOTED = re.compile(r'"([^"]+)"')
 _BLADED = 5
 """Value of PCMode and VSContrl: a library as Bladed takes it."""
@@ -454,6 +455,45 @@ def write_lines(path: Path, title: str, rows: Iterable[str | tuple[str, object]]
     """Write a file with two lines of heading, texts as they are and pairs (key, value) as ``value  key``."""
     heading = [f"------- {title} ".ljust(100, "-"), "Written by wt_gym"]
     path.write_text("\n".join([*heading, *_lines(rows)]) + "\n", encoding="utf-8")
+
+
+def write_from_template(
+    path: Path,
+    title: str,
+    values: Mapping[str, object],
+    tables: Mapping[str, Iterable[str | tuple[str, object]]] | None = None,
+) -> None:
+    """Write an input file from the template of its name, in ``data/openfast``: all that any turbine has alike.
+
+    A keyword of the template with the value ``?`` needs one, a line ``<name>`` stands for rows of a table.
+
+    Parameters
+    ----------
+    values : mapping
+        Values of keywords in place of the template's.
+    tables : mapping, optional
+        Rows by the name of their line.
+
+    Raises
+    ------
+    KeyError
+        For keywords that the template has not, and for values and tables that are missing.
+    """
+    template = resources.files("wt_gym.turbines").joinpath("data", "openfast", path.name)
+    values, tables = dict(values), dict(tables or {})
+    rows: list[str | tuple[str, object]] = []
+    for line in template.read_text(encoding="utf-8").splitlines():
+        match = _KEYWORD.fullmatch(line)
+        keyword = "" if match is None else match[1]
+        if line.startswith("<"):
+            rows += tables.pop(line[1:-1])
+        elif keyword in values or line.startswith("?"):
+            rows.append((keyword, values.pop(keyword)))
+        else:
+            rows.append(line)
+    if unknown := [*values, *tables]:
+        raise KeyError(f"{path.name} has no keywords {sorted(unknown)}")
+    write_lines(path, title, rows)
 
 
 def _lines(rows: Iterable[str | tuple[str, object]]) -> list[str]:

@@ -49,12 +49,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from wt_gym.base.quantities import Array
+from wt_gym.hydrodynamics.platform import Platform
 from wt_gym.turbines.blade import BeamStations
 from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import STRONGEST, LossShares, ShaftDamper, Turbine
 
 if TYPE_CHECKING:
-    from wt_gym.hydrodynamics.platform import Platform
     from wt_gym.turbines.blade import Blade
     from wt_gym.turbines.model import Drivetrain, Hub
 

@@ -13,8 +13,6 @@ The readers raise `TurbineDefinitionError` with the key path that is missing, in
 sentence for every assumption in the notes of the file.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable

@@ -12,9 +12,10 @@ stiffer edgewise, so the larger of K44 and K55 over the outer blade tells which 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -34,9 +35,6 @@ from wt_gym.turbines.airfoil import (
 from wt_gym.turbines.blade import BeamStations, Blade, inertia_matrix, turned
 from wt_gym.turbines.checks import check_array, check_number, fail
 from wt_gym.turbines.windio_file import Node, within
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 DEFAULT_BLADE_DAMPING = 0.00477465
 """3 % logarithmic decrement, the value of the NREL 5-MW and (rounded) of the IEA 15-MW blades."""

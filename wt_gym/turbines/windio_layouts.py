@@ -10,8 +10,6 @@ WISDEM writes its limits under ``control.pitch``, ``control.torque`` and ``contr
 to 2.0 leaves them, and masses and inertias under ``elastic_properties_mb``. Units are those of version 2 (deg, rpm).
 """
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import io

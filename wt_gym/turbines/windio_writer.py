@@ -4,8 +4,6 @@ windIO has no keys for some numbers of a turbine and its controller. They go int
 beside ``NAME.yaml``, under the names of `ControlData`, and of the turbine (`OWN_FIELDS`).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json

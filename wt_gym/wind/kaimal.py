@@ -44,8 +44,6 @@ read, in straight lines between the samples (`wt_gym.wind.kaimal`), unless ``spe
     Every harmonic is that of the spectrum, σ falls short. Use it to compare spectra.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import KW_ONLY, asdict, dataclass
 from typing import ClassVar

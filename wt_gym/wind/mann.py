@@ -31,8 +31,6 @@ of k₁ = 0 have no place in the box, so every point has zero mean. Amplitudes a
 from seed to seed and from point to point, σ is that of many of them. ``scaling`` as in `kaimal`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

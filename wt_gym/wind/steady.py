@@ -1,7 +1,5 @@
 """Wind that does not change in time: uniform, power-law, logarithmic or jet profile, with veer, yaw and inclination."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -19,8 +19,6 @@ u' is u_0 with a random phase for each harmonic, the same at all points and in a
 the same strength as it, in the mean over the phases.
 """
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from bisect import bisect_right

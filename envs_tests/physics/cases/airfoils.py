@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import hankel2, ive, kve
 
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, absolute, case
-from wt_gym.aerodynamics import AeroOptions, LatticePlanform, VortexLattice, build_planform
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.aerodynamics import AeroState
-
+from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice, build_planform
 
 # ---- wings as inviscid vortex lattices ------------------------------------------------------------------------------
 # Wings lie in the y–z plane with the chord along +y and the span along +z; the lift points along +x.

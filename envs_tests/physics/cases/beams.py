@@ -1,11 +1,10 @@
 """One beam: static deflection, free vibration, and large deflections as a chain of floating-frame bodies."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from envs_tests.physics.cases.tools import ChainPoints, body_pose, frequencies, static_balance, upward_crossings
@@ -20,12 +19,6 @@ from wt_gym.structure.modes import ALL_DOFS, body_from_beam, circular_sections, 
 from wt_gym.structure.substructure import add_chain, cut_beam
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import inertia_matrix
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike
-
 
 # ---- reference solutions --------------------------------------------------------------------------------------------
 # * `exact_rod`: static balance of a geometrically exact rod with any section matrix, by shooting.

@@ -1,7 +1,5 @@
 """Closed bodies of source panels against exact potential flows: sphere, spheroid, cylinder, wall, and a tower."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import quad
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import RegularGridInterpolator
 from scipy.optimize import least_squares
 from scipy.special import hankel2, jv
@@ -20,8 +21,6 @@ from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from envs_tests.physics.cases.rotor import RotorStep
 
 

@@ -15,6 +15,7 @@ import argparse
 import csv
 import dataclasses
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -29,13 +30,10 @@ from wt_gym.simulation import Simulator
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import Fidelity, fidelity
 from wt_gym.turbines import load_turbine
-from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
+from wt_gym.wind import Inflow, SteadyInflow, TurbulenceBox, TurbulentInflow
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from wt_gym.control.controllers.discon import BaselineParameters
-    from wt_gym.wind import Inflow
 
 
 TABLE = DATA / "reference_runs.csv"

@@ -68,8 +68,8 @@ def parked(name, duration, slow=None, sea=None):
         if k:
             signals = sim.advance(sim.time_step, pitch=0.5 * np.pi)
         rows.append([*(signals[n] for n in names), signals["tower_base_fore_aft_moment"]])
-    rows = np.array(rows)
-    return sim.time_step * np.arange(len(rows)), rows[:, :6] / UNITS, rows[:, 6] / 1e3
+    values = np.array(rows)
+    return sim.time_step * np.arange(len(values)), values[:, :6] / UNITS, values[:, 6] / 1e3
 
 
 def peaks(time, values):
@@ -101,11 +101,13 @@ def floating_decays(platforms=(OC4, VOLTURN), motions=MOTIONS) -> CaseResult:
         own, other = peaks(time, values), (np.array(run["peak_time"]), np.array(run["peak"]))
         n = min(len(own[0]), len(other[0]))
         title, where = f"{SHORT[name]}, {motion}", "cycles: number {:g}"
-        cycle = np.arange(1, n)
-        periods, ratios = [np.diff(each[0][:n]) for each in (other, own)], [damping(e[1][:n]) for e in (other, own)]
+        cycle, ((times, sizes), (own_times, own_sizes)) = (
+            np.arange(1.0, n),
+            ((e[0][:n], e[1][:n]) for e in (other, own)),
+        )
         checks += [
-            worst(f"{title}: period", where, cycle, *periods, 0.02, "s"),
-            worst(f"{title}: damping ratio", where, cycle, *ratios, 0.1),
+            worst(f"{title}: period", where, cycle, np.diff(times), np.diff(own_times), 0.02, "s"),
+            worst(f"{title}: damping ratio", where, cycle, damping(sizes), damping(own_sizes), 0.1),
         ]
         figures[title] = Figure((Curve(*other, "OpenFAST, maxima", "o"), Curve(time, values, "simulator")), "time [s]")
     return CaseResult(checks, figures)
@@ -117,7 +119,7 @@ def floating_waves(cycles=8) -> CaseResult:
     checks = []
     for run in reference()["waves"]:
         omega, height = 2.0 * np.pi / run["period"], run["amplitude"]
-        sea = WaveComponents([omega], [height], [0.0], [0.0])
+        sea = WaveComponents(*np.array([[omega], [height], [0.0], [0.0]]))
         time, rows, moment = parked(run["turbine"], 60.0 + cycles * run["period"], sea=sea)
         late = time >= 60.0
         time = time[late]

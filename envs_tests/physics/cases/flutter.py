@@ -1,7 +1,5 @@
 """Flutter of Goland's wing and of rotors in overspeed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -25,8 +23,7 @@ from wt_gym.multibody.integrators.integrator_kernels import hamming_advance
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree.point_kernels import point_loads, point_motion
-from wt_gym.simulation import Fidelity, Simulator
-from wt_gym.simulation.drivetrain.drives import TorqueCommand
+from wt_gym.simulation import Fidelity, Simulator, TorqueCommand
 from wt_gym.simulation.turbine_structure import body_points
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody

@@ -1,7 +1,5 @@
 """The same turbine in every formulation, integrator and set of coordinates."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """The turbine of Gebhardt, Preidikman, Jørgensen & Massa 2012, figure by figure and statement by statement."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Mechanisms with exact solutions, and the time integrators on them."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Geometric stiffness in local observer frames, and the reduction of a whole turbine."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

@@ -1,12 +1,12 @@
 """The blade-and-shaft example of Holm-Jørgensen, Nielsen & Rubak in local observer frames."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from envs_tests.physics.cases.tools import eigenfrequencies
@@ -16,12 +16,6 @@ from wt_gym.multibody.observer_frame.observer_frame_body import REFERENCE_CONDIT
 from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.turbines.blade import inertia_matrix
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from numpy.typing import NDArray
-
 
 # ---- load case 1 ----------------------------------------------------------------------------------------------------
 # A 46-m, 10-t blade on a 4-m shaft in two bearings, 20 + 4 elements, loaded at its tip. The section tables of the

@@ -1,7 +1,5 @@
 """Turbines under control: operating curves, loads by controller, the bandwidth of the pitch drive."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import cast
 

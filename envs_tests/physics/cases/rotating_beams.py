@@ -1,7 +1,5 @@
 """Rotating beams: cantilevers over their speed, and one rotor in all three formulations."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

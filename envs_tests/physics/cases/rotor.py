@@ -5,25 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from envs_tests.physics.cases.tools import blade_element
 from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case, read_table
-from wt_gym.aerodynamics import AeroOptions, AeroState, LatticePlanform, VortexLattice
-from wt_gym.aerodynamics.options import ENGINEERING, TRAINING
+from wt_gym.aerodynamics import ENGINEERING, TRAINING, AeroOptions, AeroState, LatticePlanform, VortexLattice
+from wt_gym.aerodynamics.vortex_lattice import UndisturbedWind
 from wt_gym.simulation import FIDELITIES
 from wt_gym.simulation.models import blade_planform
-from wt_gym.turbines import load_turbine
+from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from wt_gym.aerodynamics.vortex_lattice import UndisturbedWind
-    from wt_gym.turbines import Turbine
-
 
 # ---- the rotor ------------------------------------------------------------------------------------------------------
 

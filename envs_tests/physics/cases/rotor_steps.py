@@ -1,7 +1,5 @@
 """Rotors whose wind or pitch changes: steps, gusts, oscillation and the passing of the tower."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -31,8 +29,7 @@ from wt_gym.aerodynamics import (
 )
 from wt_gym.simulation import FIDELITIES, Simulator
 from wt_gym.simulation.models import N_ALPHA
-from wt_gym.turbines import load_turbine
-from wt_gym.turbines.airfoil import Polar
+from wt_gym.turbines import Polar, load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor
 from wt_gym.wind import SteadyInflow
 from wt_gym.wind.iec import turbulence_sigma

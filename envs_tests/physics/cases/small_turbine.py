@@ -1,7 +1,5 @@
 """The small turbine of Nada & Al-Shahrani: mixed coordinates in one model, and in the coupled simulation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

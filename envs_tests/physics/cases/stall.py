@@ -1,12 +1,10 @@
 """Stall: the S809 airfoil that pitches far, and the rotor of the Unsteady Aerodynamics Experiment."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from envs_tests.physics.cases.airfoils import UniformStream, WingFlow, exact_lift, two_dimensional_planform
@@ -19,10 +17,6 @@ from wt_gym.simulation.models import N_ALPHA
 from wt_gym.turbines import RotationalAugmentation
 from wt_gym.turbines.airfoil import Polar, blend_polars
 from wt_gym.turbines.blade_element import BladeElementRotor
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 # ---- NREL UAE Phase VI ----------------------------------------------------------------------------------------------
 # At 7 m/s the flow is attached over most of the blade, so that lifting-surface theory with the polars of its S809

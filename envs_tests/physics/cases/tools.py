@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from wt_gym.base.errors import WtGymError
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.structure.substructure import sub_body_at
-from wt_gym.turbines.blade_element import BladeElements
+from wt_gym.structure.substructure import SubBody, sub_body_at
+from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike, NDArray
-
     from wt_gym.multibody.arrays import Inputs, Work
     from wt_gym.multibody.system import MultibodySystem
-    from wt_gym.structure.substructure import SubBody
-    from wt_gym.turbines.blade_element import BladeElementRotor
 
 
 class NoBalance(WtGymError, ValueError):

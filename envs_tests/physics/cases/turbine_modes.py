@@ -1,9 +1,7 @@
 """Modes and linear models of turbines: frequencies at rest, damping, monopiles, whirl, step responses."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 from scipy.linalg import expm
@@ -13,17 +11,13 @@ from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
 from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.simulation import FIDELITIES, Fidelity, Simulator
 from wt_gym.simulation.fidelity import ELASTODYN_NREL_5MW_TOWER
-from wt_gym.simulation.linear_model import multiblade_transform
+from wt_gym.simulation.linear_model import Mode, SteadyPoint, multiblade_transform
 from wt_gym.simulation.linearization import FrozenPlant, linearize
 from wt_gym.simulation.turbine_structure import rotor_nacelle_inertia, tower_beam
 from wt_gym.structure.beam import pile_head_stiffness
 from wt_gym.structure.modes import clamped_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
-
-if TYPE_CHECKING:
-    from wt_gym.simulation.linear_model import Mode, SteadyPoint
-
 
 # ---- parked frequencies ---------------------------------------------------------------------------------------------
 # The published frequencies (generator locked, rotor at rest, pitch 0, no air, gravity on) come from two programs. FAST

@@ -1,7 +1,5 @@
 """Finite wings with the vortex lattice, and the strips at the tips of wings and rotors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

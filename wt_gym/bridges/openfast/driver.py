@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,17 +28,14 @@ from wt_gym.bridges.openfast.measurement import (
 from wt_gym.bridges.openfast.model import PRIMARY, steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.run_folder import BentTurbine, RunTimes, ServedController, prepare_run
 from wt_gym.control.operating_point import starting_point
+from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.simulation.channels import channel_table
 from wt_gym.turbines import Turbine
 from wt_gym.turbines.openfast_text import InputFile
+from wt_gym.wind import Inflow
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import xarray as xr
-
-    from wt_gym.hydrodynamics.waves import WaveComponents
-    from wt_gym.wind import Inflow
 
 _LAST_WORDS = 600
 """Characters of the driver's output that a message shows."""

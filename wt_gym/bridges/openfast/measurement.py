@@ -1,11 +1,11 @@
 """Outputs of OpenFAST as the signals of this package: frames, signs and units of `wt_gym.simulation.channels`."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.quantities import Array
@@ -13,15 +13,9 @@ from wt_gym.bridges.openfast.water import TENSION_OUTPUTS, WAVE_OUTPUT
 from wt_gym.simulation.channels import Signals, channel_table, new_values
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, view_from_tower
 from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
+from wt_gym.turbines import Turbine
 from wt_gym.turbines.blade import rotation_about_z
 from wt_gym.turbines.variants import electrical_power
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import ArrayLike
-
-    from wt_gym.turbines import Turbine
 
 _RPM, _DEGREE, _KILO = math.pi / 30.0, math.pi / 180.0, 1e3
 

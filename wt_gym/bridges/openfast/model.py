@@ -1,8 +1,9 @@
 """A turbine as an OpenFAST model of version 5: ElastoDyn, AeroDyn with polars, ServoDyn, InflowWind.
 
-The files are written from tables of their keywords. The PyPI package ``openfast_io`` does not serve here: its writer
-puts out what its reader has read, needs the several hundred entries of a whole model for it, and makes neither mode
-shapes nor tables of sections and polars from the numbers of a turbine, which is all the work there is.
+The files are written from templates, into which the values of a turbine are put. The PyPI package ``openfast_io`` does
+not serve here: its writer puts out what its reader has read, needs the several hundred entries of a whole model for it,
+and makes neither mode shapes nor tables of sections and polars from the numbers of a turbine, which is all the work
+there is.
 
 ElastoDyn's blade and tower are beams that bend in two planes and do nothing else. Their mode shapes are polynomials
 that vanish with their slope at the clamped end and are one at the free end.
@@ -11,32 +12,28 @@ that vanish with their slope at the clamped end and are one at the free end.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.quantities import GRAVITY, Array
 from wt_gym.bridges.openfast.water import FILES, write_water
+from wt_gym.turbines import Polar, Turbine
 from wt_gym.turbines.blade import bending_matrices, principal_bending
-from wt_gym.turbines.openfast_text import write_lines
+from wt_gym.turbines.openfast_text import write_from_template, write_lines
 from wt_gym.turbines.variants import clockwise_image, rotor_inertia_without_generator
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from numpy.typing import ArrayLike
-
-    from wt_gym.turbines import Polar, Turbine
 
 PRIMARY = "turbine.fst"
 """Name of the primary file of a model that is written here."""
 
 _RPM = math.pi / 30.0
-_AERO_NODES, _BLADE_NODES, _TOWER_NODES = 36, 25, 20
+_AERO_NODES = 36
 _LONGEST_STEP = 0.0125
 """Of the NREL 5-MW, at 4.95 s a turn [s]."""
 _STEPS_A_TURN = 396
@@ -47,7 +44,6 @@ _STIFFEST_SHAFT = 8.0
 _POLAR_ROWS = 200
 """AeroDyn's tables may be longer; beyond it they are thinned where they are straight."""
 _NO_FILE = "unused"
-_NO_OUTPUTS = ("              OutList     - outputs", "END of OutList", "-" * 80)
 
 
 def time_step_of(turbine: Turbine) -> float:
@@ -113,145 +109,78 @@ def write_model(turbine: Turbine, folder: str | Path) -> Path:
     _write_servodyn(image, folder)
     if image.floater is not None:
         write_water(image.floater, folder)
-    write_inflow(folder / "inflowwind.dat", {"WindType": 1, "HWindSpeed": 10.0, "RefHt": image.hub_height})
+    height = image.hub_height
+    write_inflow(folder / "inflowwind.dat", {"HWindSpeed": 10.0, "RefHt": height, "WindVziList": height})
     return folder / PRIMARY
 
 
 def _write_primary(turbine: Turbine, folder: Path) -> None:
-    step = time_step_of(turbine)
-    files = {"EDFile": "elastodyn.dat", "BDBldFile(1)": _NO_FILE, "BDBldFile(2)": _NO_FILE, "BDBldFile(3)": _NO_FILE}
-    files |= {"InflowFile": "inflowwind.dat", "AeroFile": "aerodyn.dat", "ServoFile": "servodyn.dat"}
-    files |= {f"{name}File": _NO_FILE for name in ("SeaSt", "Hydro", "Sub", "Mooring", "Ice", "Soil")}
     floater = turbine.floater
     # the coupled motion of a heavy platform needs more iterations, each to less
-    density, depth, tolerance, iterations = 1025.0, 0.0, 1e-4, 6
+    density, depth, tolerance, iterations, files = 1025.0, 0.0, 1e-4, 6, dict.fromkeys(FILES, _NO_FILE)
     if floater is not None:
-        density, depth, tolerance, iterations = floater.water_density, floater.water_depth, 1e-3, 40
-        files |= FILES
+        density, depth, tolerance, iterations, files = floater.water_density, floater.water_depth, 1e-3, 40, FILES
     wet = int(floater is not None)
-    write_lines(folder / PRIMARY, f"OpenFAST model of {turbine.name}", [
-        "---------------------- SIMULATION CONTROL",
-        ("Echo", False), ("AbortLevel", "FATAL"), ("TMax", 600.0), ("DT", step), ("ModCoupling", 1),
-        ("InterpOrder", 2), ("NumCrctn", 0), ("RhoInf", 1.0), ("ConvTol", tolerance), ("MaxConvIter", iterations),
-        ("DT_UJac", 99999.0), ("UJacSclFact", 1e6),
-        "---------------------- FEATURE SWITCHES AND FLAGS",
-        ("NRotors", 1), ("CompElast", 1), ("CompInflow", 1), ("CompAero", 2), ("CompServo", 1), ("CompSeaSt", wet),
-        ("CompHydro", wet), ("CompSub", 0), ("CompMooring", 3 * wet), ("CompIce", 0), ("CompSoil", 0), ("MHK", 0),
-        ("MirrorRotor", False),
-        "---------------------- ENVIRONMENTAL CONDITIONS",
-        ("Gravity", GRAVITY), ("AirDens", turbine.air_density), ("WtrDens", density), ("KinVisc", 1.464e-5),
-        ("SpdSound", 335.0), ("Patm", 103500.0), ("Pvap", 1700.0), ("WtrDpth", depth), ("MSL2SWL", 0.0),
-        "---------------------- INPUT FILES",
-        *files.items(),
-        "---------------------- OUTPUT",
-        ("SumPrint", False), ("SttsTime", 60.0), ("ChkptTime", 99999.0), ("DT_Out", 0.1), ("TStart", 0.0),
-        ("OutFileFmt", 1), ("TabDelim", True), ("OutFmt", "ES15.7E2"),
-        "---------------------- LINEARIZATION",
-        ("Linearize", False), ("CalcSteady", False), ("TrimCase", 3), ("TrimTol", 0.001), ("TrimGain", 0.01),
-        ("Twr_Kdmp", 0.0), ("Bld_Kdmp", 0.0), ("NLinTimes", 2), ("LinTimes", [30.0, 60.0]), ("LinInputs", 1),
-        ("LinOutputs", 1), ("LinOutJac", False), ("LinOutMod", False),
-        "---------------------- VISUALIZATION",
-        ("WrVTK", 0), ("VTK_type", 1), ("VTK_fields", False), ("VTK_fps", 15),
-    ])  # fmt: skip
+    write_from_template(folder / PRIMARY, f"OpenFAST model of {turbine.name}", {
+        "DT": time_step_of(turbine), "ConvTol": tolerance, "MaxConvIter": iterations, "CompSeaSt": wet,
+        "CompHydro": wet, "CompMooring": 3 * wet, "Gravity": GRAVITY, "AirDens": turbine.air_density,
+        "WtrDens": density, "WtrDpth": depth, **files,
+    })  # fmt: skip
 
 
 def _write_elastodyn(turbine: Turbine, folder: Path) -> None:
     nacelle, hub, train, tower = turbine.nacelle, turbine.hub, turbine.drivetrain, turbine.tower
-    three, floater = (1, 2, 3), turbine.floater
+    floater = turbine.floater
     mass, center, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
     if floater is not None:
         mass, center, inertia = floater.mass, floater.center, floater.inertia
     moments = inertia[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]].tolist()
-    write_lines(folder / "elastodyn.dat", "ELASTODYN INPUT FILE", [
-        "---------------------- SIMULATION CONTROL",
-        ("Echo", False), ("Method", 1), ("DT", None),
-        "---------------------- DEGREES OF FREEDOM",
-        ("FlapDOF1", True), ("FlapDOF2", True), ("EdgeDOF", True), ("PitchDOF", False), ("TeetDOF", False),
-        ("DrTrDOF", _shaft_frequency(turbine) < _STIFFEST_SHAFT), ("GenDOF", True), ("YawDOF", _yaws(turbine)),
-        *[(f"Tw{plane}DOF{k}", True) for plane in ("FA", "SS") for k in (1, 2)],
-        *[(f"Ptfm{name}DOF", floater is not None) for name in ("Sg", "Sw", "Hv", "R", "P", "Y")],
-        "---------------------- INITIAL CONDITIONS",
-        ("OoPDefl", 0.0), ("IPDefl", 0.0), *[(f"BlPitch({i})", 0.0) for i in three], ("TeetDefl", 0.0),
-        ("Azimuth", 0.0), ("RotSpeed", train.rated_rotor_speed / _RPM), ("NacYaw", 0.0), ("TTDspFA", 0.0),
-        ("TTDspSS", 0.0), *[(f"Ptfm{name}", 0.0) for name in ("Surge", "Sway", "Heave", "Roll", "Pitch", "Yaw")],
-        "---------------------- TURBINE CONFIGURATION",
-        ("NumBl", turbine.n_blades), ("TipRad", hub.radius + turbine.blade.length), ("HubRad", hub.radius),
-        *[(f"PreCone({i})", -math.degrees(hub.cone)) for i in three], ("HubCM", hub.cm_offset_along_shaft),
-        ("UndSling", 0.0), ("Delta3", 0.0), ("AzimB1Up", 0.0), ("OverHang", -nacelle.overhang), ("ShftGagL", 0.0),
-        ("ShftTilt", -math.degrees(nacelle.tilt)),
-        *[(f"NacCM{axis}n", float(value)) for axis, value in zip("xyz", nacelle.cm, strict=True)],
-        ("NcIMUxn", 0.0), ("NcIMUyn", 0.0), ("NcIMUzn", 0.0), ("Twr2Shft", nacelle.tower_top_to_shaft),
-        ("TowerHt", tower.height),
-        ("TowerBsHt", tower.base_height),
-        *[(f"PtfmCM{axis}t", value) for axis, value in zip("xyz", center.tolist(), strict=True)],
-        *[(f"PtfmRef{axis}t", 0.0) for axis in "xyz"],
-        "---------------------- MASS AND INERTIA",
-        *[(f"TipMass({i})", 0.0) for i in three], *[(f"PBrIner({i})", 0.0) for i in three],
-        *[(f"BlPIner({i})", 0.0) for i in three], ("HubMass", hub.mass), ("HubIner", hub.inertia_axial),
-        ("HubIner_Teeter", hub.inertia_transverse), ("GenIner", train.generator_inertia), ("NacMass", nacelle.mass),
-        ("NacYIner", _yaw_inertia(turbine)), ("YawBrMass", nacelle.yaw_bearing_mass), ("PtfmMass", mass),
-        *[(f"Ptfm{name}Iner", value) for name, value in zip(("R", "P", "Y", "XY", "YZ", "XZ"), moments, strict=True)],
-        "---------------------- BLADE",
-        ("BldNodes", _BLADE_NODES), *[(f"BldFile({i})", "elastodyn_blade.dat") for i in three],
-        "---------------------- ROTOR-TEETER",
-        ("TeetMod", 0),
-        *[(f"Teet{name}", 0.0) for name in ("DmpP", "Dmp", "CDmp", "SStP", "HStP", "SSSp", "HSSp")],
-        "---------------------- YAW-FRICTION",
-        ("YawFrctMod", 0),
-        *[(name, 0.0) for name in ("M_CSmax", "M_FCSmax", "M_MCSmax", "M_CD", "M_FCD", "M_MCD", "sig_v", "sig_v2")],
-        ("OmgCut", 0.0),
-        "---------------------- DRIVETRAIN",
-        ("GBoxEff", 100.0 * train.gearbox_efficiency), ("GBRatio", train.gear_ratio), ("DTTorSpr", train.spring),
-        ("DTTorDmp", train.damper),
-        "---------------------- FURLING",
-        ("Furling", False), ("FurlFile", _NO_FILE),
-        "---------------------- TOWER",
-        ("TwrNodes", _TOWER_NODES), ("TwrFile", "elastodyn_tower.dat"),
-        "---------------------- OUTPUT",
-        ("SumPrint", False), ("OutFile", 1), ("TabDelim", True), ("OutFmt", "ES10.3E2"), ("TStart", 0.0),
-        ("DecFact", 1), ("NTwGages", 0), ("TwrGagNd", 0), ("NBlGages", 0), ("BldGagNd", 0),
-        *_NO_OUTPUTS,
-    ])  # fmt: skip
+    write_from_template(folder / "elastodyn.dat", "ELASTODYN INPUT FILE", {
+        "DrTrDOF": _shaft_frequency(turbine) < _STIFFEST_SHAFT, "YawDOF": _yaws(turbine),
+        **{f"Ptfm{name}DOF": floater is not None for name in ("Sg", "Sw", "Hv", "R", "P", "Y")},
+        "RotSpeed": train.rated_rotor_speed / _RPM,
+        "NumBl": turbine.n_blades, "TipRad": hub.radius + turbine.blade.length, "HubRad": hub.radius,
+        **{f"PreCone({i})": -math.degrees(hub.cone) for i in (1, 2, 3)}, "HubCM": hub.cm_offset_along_shaft,
+        "OverHang": -nacelle.overhang, "ShftTilt": -math.degrees(nacelle.tilt),
+        **{f"NacCM{axis}n": float(value) for axis, value in zip("xyz", nacelle.cm, strict=True)},
+        "Twr2Shft": nacelle.tower_top_to_shaft, "TowerHt": tower.height, "TowerBsHt": tower.base_height,
+        **{f"PtfmCM{axis}t": value for axis, value in zip("xyz", center.tolist(), strict=True)},
+        "HubMass": hub.mass, "HubIner": hub.inertia_axial, "HubIner_Teeter": hub.inertia_transverse,
+        "GenIner": train.generator_inertia, "NacMass": nacelle.mass, "NacYIner": _yaw_inertia(turbine),
+        "YawBrMass": nacelle.yaw_bearing_mass, "PtfmMass": mass,
+        **{f"Ptfm{name}Iner": value for name, value in zip(("R", "P", "Y", "XY", "YZ", "XZ"), moments, strict=True)},
+        "GBoxEff": 100.0 * train.gearbox_efficiency, "GBRatio": train.gear_ratio, "DTTorSpr": train.spring,
+        "DTTorDmp": train.damper,
+    })  # fmt: skip
 
 
 def _write_elastodyn_blade(turbine: Turbine, folder: Path) -> None:
     sections, percent = blade_sections(turbine), 100.0 * turbine.blade.damping_ratio
     table = zip(sections.fraction, np.degrees(sections.twist), sections.mass, sections.flap, sections.edge, strict=True)
-    write_lines(folder / "elastodyn_blade.dat", "ELASTODYN INDIVIDUAL BLADE INPUT FILE", [
-        "---------------------- BLADE PARAMETERS",
-        ("NBlInpSt", sections.fraction.size), ("BldFlDmp(1)", percent), ("BldFlDmp(2)", percent),
-        ("BldEdDmp(1)", percent),
-        "---------------------- BLADE ADJUSTMENT FACTORS",
-        ("FlStTunr(1)", 1.0), ("FlStTunr(2)", 1.0), ("AdjBlMs", 1.0), ("AdjFlSt", 1.0), ("AdjEdSt", 1.0),
-        "---------------------- DISTRIBUTED BLADE PROPERTIES",
-        "    BlFract      StrcTwst       BMassDen        FlpStff        EdgStff",
-        "      (-)         (deg)          (kg/m)         (Nm^2)         (Nm^2)",
-        *[_row(values) for values in table],
-        "---------------------- BLADE MODE SHAPES",
-        *_shape("BldFl1Sh", sections.flap_shapes[0]), *_shape("BldFl2Sh", sections.flap_shapes[1]),
-        *_shape("BldEdgSh", sections.edge_shape),
-    ])  # fmt: skip
+    shapes = {"BldFl1Sh": sections.flap_shapes[0], "BldFl2Sh": sections.flap_shapes[1], "BldEdgSh": sections.edge_shape}
+    values = dict.fromkeys(("BldFlDmp(1)", "BldFlDmp(2)", "BldEdDmp(1)"), percent)
+    write_from_template(
+        folder / "elastodyn_blade.dat",
+        "ELASTODYN INDIVIDUAL BLADE INPUT FILE",
+        {"NBlInpSt": sections.fraction.size, **values},
+        {"sections": map(_row, table), "mode shapes": _shapes(shapes)},
+    )
 
 
 def _write_elastodyn_tower(turbine: Turbine, folder: Path) -> None:
     sections, percent = tower_sections(turbine), 100.0 * turbine.tower.damping_ratio
     table = zip(sections.fraction, sections.mass, sections.fore_aft, sections.side_side, strict=True)
-    write_lines(folder / "elastodyn_tower.dat", "ELASTODYN TOWER INPUT FILE", [
-        "---------------------- TOWER PARAMETERS",
-        ("NTwInpSt", sections.fraction.size),
-        *[(f"Twr{plane}Dmp({k})", percent) for plane in ("FA", "SS") for k in (1, 2)],
-        "---------------------- TOWER ADJUSTMENT FACTORS",
-        *[(f"{plane}StTunr({k})", 1.0) for plane in ("FA", "SS") for k in (1, 2)],
-        ("AdjTwMa", 1.0), ("AdjFASt", 1.0), ("AdjSSSt", 1.0),
-        "---------------------- DISTRIBUTED TOWER PROPERTIES",
-        "  HtFract       TMassDen         TwFAStif       TwSSStif",
-        "   (-)           (kg/m)           (Nm^2)         (Nm^2)",
-        *[_row(values) for values in table],
-        "---------------------- TOWER FORE-AFT MODE SHAPES",
-        *_shape("TwFAM1Sh", sections.fore_aft_shapes[0]), *_shape("TwFAM2Sh", sections.fore_aft_shapes[1]),
-        "---------------------- TOWER SIDE-TO-SIDE MODE SHAPES",
-        *_shape("TwSSM1Sh", sections.side_side_shapes[0]), *_shape("TwSSM2Sh", sections.side_side_shapes[1]),
-    ])  # fmt: skip
+    values = {f"Twr{plane}Dmp({k})": percent for plane in ("FA", "SS") for k in (1, 2)}
+    write_from_template(
+        folder / "elastodyn_tower.dat",
+        "ELASTODYN TOWER INPUT FILE",
+        {"NTwInpSt": sections.fraction.size, **values},
+        {
+            "sections": map(_row, table),
+            "fore-aft shapes": _shapes(dict(zip(("TwFAM1Sh", "TwFAM2Sh"), sections.fore_aft_shapes, strict=True))),
+            "side-side shapes": _shapes(dict(zip(("TwSSM1Sh", "TwSSM2Sh"), sections.side_side_shapes, strict=True))),
+        },
+    )
 
 
 def _write_aerodyn(turbine: Turbine, folder: Path) -> None:
@@ -263,56 +192,16 @@ def _write_aerodyn(turbine: Turbine, folder: Path) -> None:
         _write_polar(folder / name, turbine.blade.polar_at(float(position)))
     tower = turbine.tower
     elevation = np.linspace(0.0, tower.length, 11)
-    columns = "TwrElev TwrDiam TwrCd TwrTI TwrCb TwrCp TwrCa"
-    rows: list[str | tuple[str, object]] = [
-        "======  General Options",
-        ("Echo", False), ("DTAero", None), ("Wake_Mod", 1), ("TwrPotent", 1), ("TwrShadow", 0),
-        ("TwrAero", True), ("CavitCheck", False), ("NacelleDrag", False), ("CompAA", False),
-        ("AA_InputFile", _NO_FILE),
-        "======  Environmental Conditions",
-        *[(key, None) for key in ("AirDens", "KinVisc", "SpdSound", "Patm", "Pvap")],
-        "======  Blade-Element/Momentum Theory Options",
-        ("BEM_Mod", 1),
-        "--- Skew correction",
-        ("Skew_Mod", 1), ("SkewMomCorr", False), ("SkewRedistr_Mod", None),
-        ("SkewRedistrFactor", None),
-        "--- BEM algorithm",
-        ("TipLoss", True), ("HubLoss", True), ("TanInd", True), ("AIDrag", False), ("TIDrag", False),
-        ("IndToler", None), ("MaxIter", 500),
-        "--- Shear correction",
-        ("SectAvg", False), ("SectAvgWeighting", None), ("SectAvgNPoints", None),
-        ("SectAvgPsiBwd", None), ("SectAvgPsiFwd", None),
-        "--- Dynamic wake/inflow",
-        ("DBEMT_Mod", 2), ("tau1_const", 4.0),
-        "======  OLAF",
-        ("OLAFInputFileName", _NO_FILE),
-        "======  Unsteady Airfoil Aerodynamics Options",
-        ("AoA34", True), ("UA_Mod", 0), ("FLookup", True), ("IntegrationMethod", 3), ("UAStartRad", 0.0),
-        ("UAEndRad", 1.0),
-        "======  Airfoil Information",
-        ("AFTabMod", 1), ("InCol_Alfa", 1), ("InCol_Cl", 2), ("InCol_Cd", 3), ("InCol_Cm", 4), ("InCol_Cpmin", 0),
-        ("NumAFfiles", len(names)), ("AFNames", names[0]), *[f'"{name}"' for name in names[1:]],
-        "======  Rotor/Blade Properties",
-        ("UseBlCm", True), *[(f"ADBlFile({i})", "aerodyn_blade.dat") for i in (1, 2, 3)],
-        "======  Hub Properties",
-        ("VolHub", 0.0), ("HubCenBx", 0.0),
-        "======  Nacelle Properties",
-        ("VolNac", 0.0), ("NacCenB", [0.0, 0.0, 0.0]), ("NacArea", [0.0, 0.0, 0.0]), ("NacCd", [0.0, 0.0, 0.0]),
-        ("NacDragAC", [0.0, 0.0, 0.0]),
-        "======  Tail Fin Aerodynamics",
-        ("TFinAero", False), ("TFinFile", _NO_FILE),
-        "======  Tower Influence and Aerodynamics",
-        ("NumTwrNds", elevation.size),
-        columns, "(m) (m) (-) (-) (-) (-) (-)",
-        *[
-            _row((tower.base_height + e, float(tower.diameter_at(e)), tower.drag_coefficient, 0.1, 0.0, 0.0, 0.0))
-            for e in elevation
-        ],
-        "======  Outputs",
-        ("SumPrint", False), ("NBlOuts", 0), ("BlOutNd", 1), ("NTwOuts", 0), ("TwOutNd", 1),
-        *_NO_OUTPUTS,
-    ]  # fmt: skip
-    write_lines(folder / "aerodyn.dat", "AERODYN INPUT FILE", rows)
+    sections = [
+        _row((tower.base_height + e, float(tower.diameter_at(e)), tower.drag_coefficient, 0.1, 0.0, 0.0, 0.0))
+        for e in elevation
+    ]
+    write_from_template(
+        folder / "aerodyn.dat",
+        "AERODYN INPUT FILE",
+        {"NumAFfiles": len(names), "NumTwrNds": elevation.size},
+        {"further polars": [f'"{name}"' for name in names[1:]], "tower sections": sections},
+    )
 
 
 def _write_aerodyn_blade(turbine: Turbine, folder: Path, z: np.ndarray) -> None:
@@ -362,98 +251,18 @@ def _write_polar(path: Path, polar: Polar) -> None:
 
 def _write_servodyn(turbine: Turbine, folder: Path) -> None:
     nacelle, pitch, train = turbine.nacelle, turbine.pitch, turbine.drivetrain
-    three, never = (1, 2, 3), 9999.9
-    limits = [math.degrees(value) for value in (pitch.min_pitch, pitch.max_pitch, pitch.max_rate)]
-    write_lines(folder / "servodyn.dat", "SERVODYN INPUT FILE", [
-        "---------------------- SIMULATION CONTROL",
-        ("Echo", False), ("DT", None),
-        "---------------------- PITCH CONTROL",
-        ("PCMode", 0), ("TPCOn", 0.0),
-        *[(f"{name}({i})", 0.0) for name in ("PitNeut", "PitSpr", "PitDamp") for i in three],
-        *[(f"TPitManS({i})", never) for i in three], *[(f"PitManRat({i})", limits[2]) for i in three],
-        *[(f"BlPitchF({i})", 0.0) for i in three],
-        "---------------------- GENERATOR AND TORQUE CONTROL",
-        ("VSContrl", 0), ("GenModel", 1), ("GenEff", 100.0 * train.generator_efficiency), ("GenTiStr", True),
-        ("GenTiStp", True), ("SpdGenOn", never), ("TimGenOn", 0.0), ("TimGenOf", never),
-        "---------------------- SIMPLE VARIABLE-SPEED TORQUE CONTROL",
-        *[(f"VS_{name}", never) for name in ("RtGnSp", "RtTq", "Rgn2K", "SlPc")],
-        "---------------------- SIMPLE INDUCTION GENERATOR",
-        *[(f"SIG_{name}", never) for name in ("SlPc", "SySp", "RtTq", "PORt")],
-        "---------------------- THEVENIN-EQUIVALENT INDUCTION GENERATOR",
-        ("TEC_Freq", 50.0), ("TEC_NPol", 2),
-        *[(f"TEC_{name}", never) for name in ("SRes", "RRes", "VLL", "SLR", "RLR", "MR")],
-        "---------------------- HIGH-SPEED SHAFT BRAKE",
-        ("HSSBrMode", 0), ("THSSBrDp", never), ("HSSBrDT", 0.6), ("HSSBrTqF", 0.0),
-        "---------------------- NACELLE-YAW CONTROL",
-        ("YCMode", 0), ("TYCOn", 0.0), ("YawNeut", 0.0), ("YawSpr", nacelle.yaw_spring),
-        ("YawDamp", nacelle.yaw_damper), ("TYawManS", never), ("YawManRat", math.degrees(nacelle.max_yaw_rate) or 0.3),
-        ("NacYawF", 0.0),
-        "---------------------- Aerodynamic Flow Control",
-        ("AfCmode", 0), ("AfC_Mean", 0.0), ("AfC_Amp", 0.0), ("AfC_Phase", 0.0),
-        "---------------------- STRUCTURAL CONTROL",
-        ("NumBStC", 0), ("BStCfiles", _NO_FILE), ("NumNStC", 0), ("NStCfiles", _NO_FILE), ("NumTStC", 0),
-        ("TStCfiles", _NO_FILE), ("NumSStC", 0), ("SStCfiles", _NO_FILE),
-        "---------------------- CABLE CONTROL",
-        ("CCmode", 0),
-        "---------------------- BLADED INTERFACE",
-        ("DLL_FileName", _NO_FILE), ("DLL_InFile", _NO_FILE), ("DLL_ProcName", "DISCON"),
-        ("DLL_DT", None), ("DLL_Ramp", False),
-        ("BPCutoff", never), ("NacYaw_North", 0.0), ("Ptch_Cntrl", 1), ("Ptch_SetPnt", 0.0),
-        ("Ptch_Min", limits[0]), ("Ptch_Max", limits[1]), ("PtchRate_Min", -limits[2]), ("PtchRate_Max", limits[2]),
-        ("Gain_OM", 0.0), *[(f"GenSpd_{name}", 0.0) for name in ("MinOM", "MaxOM", "Dem")], ("GenTrq_Dem", 0.0),
-        ("GenPwr_Dem", 0.0),
-        "---------------------- BLADED INTERFACE TORQUE-SPEED LOOK-UP TABLE",
-        ("DLL_NumTrq", 0),
-        "GenSpd_TLU   GenTrq_TLU",
-        "(rpm)        (Nm)",
-        "---------------------- OUTPUT",
-        ("SumPrint", False), ("OutFile", 1), ("TabDelim", True), ("OutFmt", "ES10.3E2"), ("TStart", 0.0),
-        *_NO_OUTPUTS,
-    ])  # fmt: skip
+    least, most, rate = (math.degrees(value) for value in (pitch.min_pitch, pitch.max_pitch, pitch.max_rate))
+    write_from_template(folder / "servodyn.dat", "SERVODYN INPUT FILE", {
+        **{f"PitManRat({i})": rate for i in (1, 2, 3)}, "GenEff": 100.0 * train.generator_efficiency,
+        "YawSpr": nacelle.yaw_spring, "YawDamp": nacelle.yaw_damper,
+        "YawManRat": math.degrees(nacelle.max_yaw_rate) or 0.3,
+        "Ptch_Min": least, "Ptch_Max": most, "PtchRate_Min": -rate, "PtchRate_Max": rate,
+    })  # fmt: skip
 
 
-def write_inflow(path: Path, changes: Mapping[str, object]) -> None:
-    """Write an input file of InflowWind.
-
-    Parameters
-    ----------
-    changes : mapping
-        Values of keywords in place of the usual ones.
-    """
-    none = _NO_FILE
-    rows: list[str | tuple[str, object]] = [
-        "-" * 80,
-        ("Echo", False), ("WindType", 1), ("PropagationDir", 0.0), ("VFlowAng", 0.0), ("VelInterpCubic", False),
-        ("NWindVel", 1), ("WindVxiList", 0.0), ("WindVyiList", 0.0), ("WindVziList", changes.get("RefHt", 1.0)),
-        "================== Parameters for Steady Wind Conditions [used only for WindType = 1]",
-        ("HWindSpeed", 10.0), ("RefHt", 90.0), ("PLExp", 0.0),
-        "================== Parameters for Uniform wind file [used only for WindType = 2]",
-        ("FileName_Uni", none), ("RefHt_Uni", 90.0), ("RefLength", 1.0),
-        "================== Parameters for Binary TurbSim Full-Field files [used only for WindType = 3]",
-        ("FileName_BTS", none),
-        "================== Parameters for Binary Bladed-style Full-Field files [WindType = 4 or 7]",
-        ("FileNameRoot", none), ("TowerFile", False),
-        "================== Parameters for HAWC-format binary files [WindType = 5]",
-        ("FileName_u", none), ("FileName_v", none), ("FileName_w", none), ("nx", 2), ("ny", 2), ("nz", 2), ("dx", 1.0),
-        ("dy", 1.0), ("dz", 1.0), ("RefHt_Hawc", 90.0),
-        "-------------   Scaling parameters for turbulence",
-        ("ScaleMethod", 0), ("SFx", 1.0), ("SFy", 1.0), ("SFz", 1.0), ("SigmaFx", 1.0), ("SigmaFy", 1.0),
-        ("SigmaFz", 1.0),
-        "-------------   Mean wind profile parameters (added to HAWC-format files)",
-        ("URef", 10.0), ("WindProfile", 0), ("PLExp_Hawc", 0.0), ("Z0", 0.03), ("XOffset", 0.0),
-        "-------------   LIDAR Parameters",
-        ("SensorType", 0), ("NumPulseGate", 0), ("PulseSpacing", 0.0), ("NumBeam", 0), ("FocalDistanceX", 0.0),
-        ("FocalDistanceY", 0.0), ("FocalDistanceZ", 0.0), ("RotorApexOffsetPos", [0.0, 0.0, 0.0]), ("URefLid", 10.0),
-        ("MeasurementInterval", 0.25), ("LidRadialVel", False), ("ConsiderHubMotion", 0),
-        "====================== OUTPUT",
-        ("SumPrint", False),
-        *_NO_OUTPUTS,
-    ]  # fmt: skip
-    known = {row[0] for row in rows if not isinstance(row, str)}
-    if unknown := set(changes) - known:
-        raise KeyError(f"InflowWind has no keywords {sorted(unknown)}")
-    changed = [row if isinstance(row, str) else (row[0], changes.get(row[0], row[1])) for row in rows]
-    write_lines(path, "InflowWind INPUT FILE", changed)
+def write_inflow(path: Path, values: Mapping[str, object]) -> None:
+    """Write an input file of InflowWind with values of keywords in place of the usual ones."""
+    write_from_template(path, "InflowWind INPUT FILE", values)
 
 
 def _aero_nodes(turbine: Turbine) -> np.ndarray:
@@ -488,8 +297,13 @@ def _row(values: Iterable[float]) -> str:
     return " ".join(f"{float(value): .9e}" for value in values)
 
 
-def _shape(name: str, coefficients: np.ndarray) -> list[tuple[str, object]]:
-    return [(f"{name}({power})", float(value)) for power, value in zip(range(2, 7), coefficients, strict=True)]
+def _shapes(shapes: Mapping[str, np.ndarray]) -> list[tuple[str, object]]:
+    """Coefficients of mode shapes by the names of the shapes."""
+    return [
+        (f"{name}({power})", float(value))
+        for name, coefficients in shapes.items()
+        for power, value in zip(range(2, 7), coefficients, strict=True)
+    ]
 
 
 _MOST_STATIONS = 60

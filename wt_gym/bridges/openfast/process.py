@@ -4,8 +4,6 @@ Also the places of OpenFAST's library and driver, and the small Bladed library t
 demands from this package.
 """
 
-from __future__ import annotations
-
 import ctypes.util
 import hashlib
 import os

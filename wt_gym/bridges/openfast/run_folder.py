@@ -10,6 +10,7 @@ import math
 import os
 import re
 import shutil
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,17 +23,15 @@ from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS,
 from wt_gym.bridges.openfast.model import POWERS, blade_sections, tower_sections
 from wt_gym.bridges.openfast.water import resting_place, write_sea
 from wt_gym.bridges.openfast.wind import write_wind
+from wt_gym.hydrodynamics.waves import WaveComponents
+from wt_gym.turbines import Turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.openfast_text import InputFile
+from wt_gym.wind import Inflow
 from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
     from wt_gym.bridges.openfast.wind import PointLidar
-    from wt_gym.hydrodynamics.waves import WaveComponents
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"}
 """Modules whose inputs can be changed, and the keywords of their files in the primary file (``"OpenFAST"``)."""

@@ -1,15 +1,14 @@
 """OpenFAST behind the contract of `wt_gym.simulation.Simulator`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from wt_gym.base.errors import ActionError, SimulationError
@@ -19,22 +18,17 @@ from wt_gym.bridges.openfast.model import steps_of, time_step_of, write_model
 from wt_gym.bridges.openfast.process import OpenFASTProcess, find_library, relay_library
 from wt_gym.bridges.openfast.run_folder import BentTurbine, RunTimes, ServedController, prepare_run
 from wt_gym.bridges.openfast.wind import repeats
+from wt_gym.hydrodynamics.waves import WaveComponents
+from wt_gym.simulation import Fidelity
 from wt_gym.simulation.channels import Signals, parities
 from wt_gym.simulation.contract import DrivenSimulator
 from wt_gym.simulation.drivetrain.drives import PITCH, TORQUE, Drives, check_damper_step, check_finite, holds_torque
 from wt_gym.simulation.fidelity import choose_fidelity
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
-from wt_gym.turbines import Turbine, load_turbine
+from wt_gym.turbines import PitchSystem, Turbine, load_turbine
 from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.turbines.variants import clockwise_image, with_generator
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from wt_gym.hydrodynamics.waves import WaveComponents
-    from wt_gym.simulation import Fidelity
-    from wt_gym.turbines import PitchSystem
-    from wt_gym.wind import Inflow
+from wt_gym.wind import Inflow
 
 COMMANDS = ("bladed", "inputs")
 """How demands get into OpenFAST."""

@@ -5,13 +5,10 @@ force there is 1/4 ρ AxCd A |v| v, so that AxCd is twice the drag coefficient. 
 statics are those of the catenaries here, with little drag of their own: this package gives lines none.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import root
@@ -19,14 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from wt_gym.base.errors import InflowError, SimulationError
 from wt_gym.base.quantities import GRAVITY, Array
-from wt_gym.hydrodynamics.loads import PlatformLoads
-from wt_gym.turbines.openfast_text import write_lines
-
-if TYPE_CHECKING:
-    from wt_gym.hydrodynamics.platform import Platform
-    from wt_gym.hydrodynamics.potential import ExcitationTable, RadiationTable
-    from wt_gym.hydrodynamics.waves import WaveComponents
-    from wt_gym.turbines import Turbine
+from wt_gym.hydrodynamics import ExcitationTable, Platform, PlatformLoads, RadiationTable, WaveComponents
+from wt_gym.turbines import Turbine
+from wt_gym.turbines.openfast_text import write_from_template, write_lines
 
 FILES = {"SeaStFile": "seastate.dat", "HydroFile": "hydrodyn.dat", "MooringFile": "moordyn.dat"}
 """Names of the files by the keywords of the primary file."""
@@ -67,75 +59,28 @@ def write_water(platform: Platform, folder: Path) -> None:
 
 def _write_hydrodyn(platform: Platform, path: Path) -> None:
     joints, members, axial = _members(platform)
-    coefficients = " ".join(
-        f"Member{name}{end}" for name in ("Cd", "CdMG", "Ca", "CaMG", "Cp", "CpMG", "AxCd", "AxCdMG", "AxCa", "AxCaMG",
-                                          "AxCp", "AxCpMG", "Cb", "CbMG") for end in (1, 2)
+    n = len(members)
+    write_from_template(
+        path,
+        f"HydroDyn input of {platform.name}",
+        {
+            "RdtnTMax": _MEMORY, "PotFile": _ROOT, "PtfmVol0": platform.displaced_volume,
+            **{f"PtfmCOB{axis}t": float(x) for axis, x in zip("xy", platform.center_of_buoyancy, strict=True)},
+            "NAxCoef": len(axial), "NJoints": len(joints), "NPropSetsCyl": n, "NCoefMembersCyl": n, "NMembers": n,
+        },
+        {
+            "additional stiffness": _matrix("AddCLin", platform.additional_stiffness),
+            "linear damping": _matrix("AddBLin", platform.linear_damping),
+            "quadratic damping": _matrix("AddBQuad", platform.quadratic_damping),
+            "axial coefficients": [f"{k} {drag:.15g} 0.0 0.0 0 0.0 1.0" for k, drag in enumerate(axial, 1)],
+            "joints": [f"{k} {_row(place)} {kind} 0" for k, (place, kind) in enumerate(joints, 1)],
+            "sections": [f"{k} {d:.15g} {0.01 * d:.15g}" for k, (d, _) in enumerate(members, 1)],
+            "member coefficients": [
+                f"{k} {drag:.15g} {drag:.15g}{' 0.0' * 26}" for k, (_, drag) in enumerate(members, 1)
+            ],
+            "members": [f"{k} {2 * k - 1} {2 * k} {k} {k} 1 0.0 {_ELEMENT} 3 1 True" for k in range(1, n + 1)],
+        },
     )  # fmt: skip
-    simple = (
-        "SimplCd SimplCdMG SimplCa SimplCaMG SimplCp SimplCpMG SimplAxCd SimplAxCdMG SimplAxCa SimplAxCaMG SimplAxCp"
-    )
-    sides = ("CdA", "CdAMG", "CdB", "CdBMG", "CaA", "CaAMG", "CaB", "CaBMG", "Cp", "CpMG", "AxCd", "AxCdMG", "AxCa",
-             "AxCaMG", "AxCp", "AxCpMG", "Cb", "CbMG")  # fmt: skip
-    write_lines(path, f"HydroDyn input of {platform.name}", [
-        ("Echo", False),
-        "---------------------- FLOATING PLATFORM",
-        ("PotMod", 1), ("ExctnMod", 1), ("ExctnDisp", 0), ("ExctnCutOff", 10.0), ("PtfmYMod", 0), ("PtfmRefY", 0.0),
-        ("PtfmYCutOff", 0.01), ("NExctnHdg", 36), ("RdtnMod", 1), ("RdtnTMax", _MEMORY), ("RdtnDT", None), ("NBody", 1),
-        ("NBodyMod", 1), ("PotFile", _ROOT), ("WAMITULEN", 1.0),
-        *[(f"PtfmRef{axis}", 0.0) for axis in ("xt", "yt", "zt", "ztRot")], ("PtfmVol0", platform.displaced_volume),
-        *[(f"PtfmCOB{axis}t", float(value)) for axis, value in zip("xy", platform.center_of_buoyancy, strict=True)],
-        ("NAddDOF", 0),
-        "---------------------- 2ND-ORDER FLOATING PLATFORM FORCES",
-        *[(key, 0) for key in ("MnDrift", "NewmanApp", "DiffQTF", "SumQTF")],
-        "---------------------- PLATFORM ADDITIONAL STIFFNESS AND DAMPING",
-        ("AddF0", 0.0), *["0.0"] * 5,
-        *_matrix("AddCLin", platform.additional_stiffness), *_matrix("AddBLin", platform.linear_damping),
-        *_matrix("AddBQuad", platform.quadratic_damping),
-        "---------------------- STRIP THEORY OPTIONS",
-        ("WaveDisp", 0), ("AMMod", 0), ("HstMod", 0),
-        "---------------------- AXIAL COEFFICIENTS",
-        ("NAxCoef", len(axial)), "AxCoefID AxCd AxCa AxCp AxFDMod AxVnCOff AxFDLoFSc", "(-) (-) (-) (-) (-) (-) (-)",
-        *[f"{k} {drag:.15g} 0.0 0.0 0 0.0 1.0" for k, drag in enumerate(axial, 1)],
-        "---------------------- MEMBER JOINTS",
-        ("NJoints", len(joints)), "JointID Jointxi Jointyi Jointzi JointAxID JointOvrlp",
-        "(-) (m) (m) (m) (-) (switch)",
-        *[f"{k} {_row(place)} {kind} 0" for k, (place, kind) in enumerate(joints, 1)],
-        "---------------------- CYLINDRICAL MEMBER CROSS-SECTION PROPERTIES",
-        ("NPropSetsCyl", len(members)), "PropSetID PropD PropThck", "(-) (m) (m)",
-        *[f"{k} {diameter:.15g} {0.01 * diameter:.15g}" for k, (diameter, _) in enumerate(members, 1)],
-        "---------------------- RECTANGULAR MEMBER CROSS-SECTION PROPERTIES",
-        ("NPropSetsRec", 0), "MPropSetID PropA PropB PropThck", "(-) (m) (m) (m)",
-        "---------------------- SIMPLE CYLINDRICAL-MEMBER HYDRODYNAMIC COEFFICIENTS",
-        f"{simple} SimplAxCpMG SimplCb SimplCbMG", "(-) " * 14, " ".join(["0.0"] * 14),
-        "---------------------- SIMPLE RECTANGULAR-MEMBER HYDRODYNAMIC COEFFICIENTS",
-        " ".join(f"Simpl{side}" for side in sides), "(-) " * 18, " ".join(["0.0"] * 18),
-        "---------------------- DEPTH-BASED CYLINDRICAL-MEMBER HYDRODYNAMIC COEFFICIENTS",
-        ("NCoefDpthCyl", 0), "Dpth DpthCd", "(m) (-)",
-        "---------------------- DEPTH-BASED RECTANGULAR-MEMBER HYDRODYNAMIC COEFFICIENTS",
-        ("NCoefDpthRec", 0), "Dpth DpthCdA", "(m) (-)",
-        "---------------------- MEMBER-BASED CYLINDRICAL-MEMBER HYDRODYNAMIC COEFFICIENTS",
-        ("NCoefMembersCyl", len(members)), f"MemberID {coefficients}", "(-) " * 29,
-        *[f"{k} {drag:.15g} {drag:.15g} {'0.0 ' * 26}" for k, (_, drag) in enumerate(members, 1)],
-        "---------------------- MEMBER-BASED RECTANGULAR-MEMBER HYDRODYNAMIC COEFFICIENTS",
-        ("NCoefMembersRec", 0), "MemberID MemberCdA1", "(-) (-)",
-        "---------------------- MEMBERS",
-        ("NMembers", len(members)),
-        "MemberID MJointID1 MJointID2 MPropSetID1 MPropSetID2 MSecGeom MSpinOrient MDivSize MCoefMod MHstLMod PropPot",
-        "(-) (-) (-) (-) (-) (switch) (deg) (m) (switch) (switch) (flag)",
-        *[f"{k} {2 * k - 1} {2 * k} {k} {k} 1 0.0 {_ELEMENT} 3 1 True" for k in range(1, len(members) + 1)],
-        "---------------------- FILLED MEMBERS",
-        ("NFillGroups", 0), "FillNumM FillMList FillFSLoc FillDens", "(-) (-) (m) (kg/m^3)",
-        "---------------------- MARINE GROWTH",
-        ("NMGDepths", 0), "MGDpth MGThck MGDens", "(m) (m) (kg/m^3)",
-        "---------------------- MEMBER OUTPUT LIST",
-        ("NMOutputs", 0), "MemberID NOutLoc NodeLocs", "(-) (-) (-)",
-        "---------------------- JOINT OUTPUT LIST",
-        ("NJOutputs", 0), ("JOutLst", 0),
-        "---------------------- OUTPUT",
-        ("HDSum", False), ("OutAll", False), ("OutSwtch", 2), ("OutFmt", "ES11.4e2"), ("OutSFmt", "A11"),
-        "---------------------- OUTPUT CHANNELS",
-        "END of output channels",
-    ])  # fmt: skip
 
 
 def _members(platform: Platform) -> tuple[list[tuple[Array, int]], list[tuple[float, float]], list[float]]:
@@ -271,36 +216,13 @@ def write_sea(platform: Platform, sea: WaveComponents | None, duration: float, f
               *(plate.position for plate in platform.plates), np.zeros(3)]  # fmt: skip
     across, down = (float(max(abs(point[k]).max() for point in points)) for k in (slice(0, 2), slice(2, 3)))
     path = folder / FILES["SeaStFile"]
-    write_lines(path, f"SeaState input of {platform.name}", [
-        ("Echo", False),
-        "---------------------- ENVIRONMENTAL CONDITIONS",
-        ("WtrDens", platform.water_density), ("WtrDpth", platform.water_depth), ("MSL2SWL", 0.0),
-        "---------------------- SPATIAL DISCRETIZATION",
-        ("X_HalfWidth", across + 10.0), ("Y_HalfWidth", across + 10.0),
-        ("Z_Depth", min(down + 10.0, platform.water_depth)), ("NX", 5), ("NY", 5), ("NZ", 10),
-        "---------------------- WAVES",
-        ("WaveMod", 7 if has_waves else 0), ("WaveStMod", 0), ("WvCrntMod", 0), ("WaveTMax", period),
-        ("WaveDT", _WAVE_STEP), ("WaveHs", 0.0), ("WaveTp", 10.0), ("WavePkShp", None), ("WvLowCOff", 0.0),
-        ("WvHiCOff", 100.0), ("WaveDir", 0.0), ("WaveDirMod", 0), ("WaveDirSpread", 1.0), ("WaveNDir", 1),
-        ("WaveDirRange", 90.0), ("WaveSeed(1)", 1), ("WaveSeed(2)", 2), ("WaveNDAmp", False), ("WvKinFile", _WAVES),
-        "---------------------- 2ND-ORDER WAVES",
-        ("WvDiffQTF", False), ("WvSumQTF", False), ("WvLowCOffD", 0.0), ("WvHiCOffD", 1.0), ("WvLowCOffS", 0.0),
-        ("WvHiCOffS", 1.0),
-        "---------------------- CONSTRAINED WAVES",
-        ("ConstWaveMod", 0), ("CrestHmax", 1.0), ("CrestTime", 1.0), ("CrestXi", 0.0), ("CrestYi", 0.0),
-        "---------------------- CURRENT",
-        ("CurrMod", int(current != 0.0)), ("CurrSSV0", 0.0), ("CurrSSDir", None), ("CurrNSRef", 20.0),
-        ("CurrNSV0", 0.0), ("CurrNSDir", 0.0), ("CurrDIV", abs(current)),
-        ("CurrDIDir", math.degrees(math.atan2(current.imag, current.real))),
-        "---------------------- MACCAMY-FUCHS DIFFRACTION MODEL",
-        ("MCFD", 0.0),
-        "---------------------- OUTPUT",
-        ("SeaStSum", False), ("OutSwtch", 2), ("OutFmt", "ES11.4e2"), ("OutSFmt", "A11"), ("NWaveElev", 1),
-        ("WaveElevxi", 0.0), ("WaveElevyi", 0.0), ("NWaveKin", 0), ("WaveKinxi", 0.0), ("WaveKinyi", 0.0),
-        ("WaveKinzi", 0.0),
-        "---------------------- OUTPUT CHANNELS",
-        f'"{WAVE_OUTPUT}"', "END of output channels",
-    ])  # fmt: skip
+    write_from_template(path, f"SeaState input of {platform.name}", {
+        "WtrDens": platform.water_density, "WtrDpth": platform.water_depth,
+        "X_HalfWidth": across + 10.0, "Y_HalfWidth": across + 10.0, "Z_Depth": min(down + 10.0, platform.water_depth),
+        "WaveMod": 7 if has_waves else 0, "WaveTMax": period, "WaveDT": _WAVE_STEP, "WvKinFile": _WAVES,
+        "CurrMod": int(current != 0.0), "CurrDIV": abs(current),
+        "CurrDIDir": math.degrees(math.atan2(current.imag, current.real)),
+    })  # fmt: skip
     return path
 
 

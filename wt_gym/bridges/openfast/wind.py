@@ -12,24 +12,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.errors import InflowError
 from wt_gym.base.quantities import Array
 from wt_gym.bridges.openfast.model import write_inflow
 from wt_gym.control.sensors import Lidar
-from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulentInflow
+from wt_gym.turbines import Turbine
+from wt_gym.wind import Inflow, MirroredInflow, SteadyInflow, TurbulentInflow
 from wt_gym.wind.files import BtsContent
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 _WIDTH = 1.3
 """Of the grid for an inflow that has none [rotor diameters]: the rotor with its deflection, and some air."""

@@ -17,9 +17,10 @@ import os
 import shutil
 import sys
 import weakref
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -48,13 +49,9 @@ from wt_gym.control.bladed.records import (
     write_readings,
     write_turbine,
 )
+from wt_gym.control.controllers.controller import Readings
 from wt_gym.control.sensors import Lidar
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 _log = logging.getLogger(__name__)
 

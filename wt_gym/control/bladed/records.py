@@ -18,23 +18,16 @@ A lidar has the records from 2001 on (OpenFAST's ``BladedInterface_EX.f90``): it
 beams times gates points all speeds, all x, all y and all z of the points.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wt_gym.control.controllers.controller import demanded_power_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from wt_gym.control.actions import Demand
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.control.sensors import Lidar
-    from wt_gym.turbines import Turbine
+from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.controller import Readings, demanded_power_of
+from wt_gym.control.sensors import Lidar
+from wt_gym.turbines import Turbine
 
 SIZE = 3500
 """Length of ``avrSWAP``; OpenFAST's extended interface uses records up to 3300."""

@@ -17,17 +17,19 @@ import importlib.util
 import math
 import re
 import sys
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.base.files import HeldFolder, write_text_whole
 from wt_gym.base.options import Options, option, option_record
+from wt_gym.control.actions import Demand
 from wt_gym.control.bladed.controller import BladedController
-from wt_gym.control.controllers.controller import demanded_power_of
+from wt_gym.control.controllers.controller import Readings, demanded_power_of
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingParameters
 from wt_gym.control.design import (
@@ -40,15 +42,8 @@ from wt_gym.control.design import (
 )
 from wt_gym.control.operating_point import operating_point, torque_curve, tracks_tip_speed_ratio
 from wt_gym.control.rotor import RotorTable, rotor_of
-from wt_gym.turbines import load_turbine
+from wt_gym.turbines import Turbine, load_turbine
 from wt_gym.turbines.openfast_text import TextFile
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from wt_gym.control.actions import Demand
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.turbines import Turbine
 
 PERFORMANCE_FILE = "Cp_Ct_Cq.txt"
 _PITCH = np.radians(np.arange(-5.0, 41.0, 1.0))

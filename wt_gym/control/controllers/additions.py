@@ -21,14 +21,16 @@ Bossanyi et al., Energy Procedia 35 (2013) 177).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.controller import part_of
+from wt_gym.control.controllers.controller import Controller, Readings, part_of
 from wt_gym.control.design import (
     design_point,
     flap_moment_sensitivity,
@@ -40,14 +42,7 @@ from wt_gym.control.operating_point import least_pitch
 from wt_gym.control.rotor import fine_pitch
 from wt_gym.control.sensors import AngleLowPass, BandLimitedIntegrator, LowPass, harmonic_of_blades, to_harmonic, within
 from wt_gym.simulation.drivetrain.drives import pitch_delay
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from wt_gym.control.controllers.controller import Controller, Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 # ---- fade below rated ----
 

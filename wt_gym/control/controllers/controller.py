@@ -16,25 +16,20 @@ from __future__ import annotations
 import inspect
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeGuard, TypeVar, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.control.actions import Demand
 from wt_gym.control.sensors import Lidar
+from wt_gym.simulation import Signals
 from wt_gym.turbines import Turbine
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from wt_gym.simulation import Signals
-    from wt_gym.wind import Inflow
+from wt_gym.wind import Inflow
 
 T = TypeVar("T")
 

@@ -15,22 +15,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.controller import Readings
 from wt_gym.control.design import FILTER_OVER_ROTOR_SPEED, DesignPoint, design_point, drive_mode, rotor_inertia
 from wt_gym.control.operating_point import TorqueCurve, operating_point, torque_curve
 from wt_gym.control.sensors import LowPass, Notch, SecondOrderLowPass
-from wt_gym.turbines import load_turbine
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine, load_turbine
 
 
 @dataclass(frozen=True)

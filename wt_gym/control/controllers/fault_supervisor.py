@@ -28,21 +28,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.controller import Addition, Combined, Controller, RepairedReadings, part_of
+from wt_gym.control.controllers.controller import Addition, Combined, Controller, Readings, RepairedReadings, part_of
 from wt_gym.control.controllers.linear_optimal import linear_part
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.control.design import reference_flap_moment
 from wt_gym.control.sensors import LowPass
-
-if TYPE_CHECKING:
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 
 @option_record

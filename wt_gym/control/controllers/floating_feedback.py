@@ -37,7 +37,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -45,16 +45,13 @@ from wt_gym.base.errors import ControllerError
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.additions import AboveRated, FadeParameters, fade_option
-from wt_gym.control.controllers.controller import part_of
+from wt_gym.control.controllers.controller import Controller, Readings, part_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.design import DESIGN_WIND, full_power_wind, platform_pitch_frequency, rotor_inertia, trim_pitch
 from wt_gym.control.rotor import fine_pitch, rotor_of
 from wt_gym.control.sensors import SecondOrderLowPass
-
-if TYPE_CHECKING:
-    from wt_gym.control.controllers.controller import Controller, Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 
 @option_record

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from wt_gym.base.options import Options, option, option_record
+from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.additions import AboveRated, FadeParameters, fade_option
-from wt_gym.control.controllers.controller import Controller
+from wt_gym.control.controllers.controller import Controller, Readings
 from wt_gym.control.operating_point import operating_point
 from wt_gym.control.sensors import Lidar, LowPass
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from wt_gym.control.actions import Demand
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 _WINDS = np.linspace(1.0, 40.0, 157)
 SPACING = 0.01

@@ -13,8 +13,6 @@ The catalog is one table (`CATALOG`): a part's name, its place in a controller, 
 turbine, and the record that declares its parameters (`wt_gym.base.options`).
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import importlib
@@ -29,7 +27,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import Option, Options, options_of
@@ -42,9 +40,7 @@ from wt_gym.control.controllers.floating_feedback import FloatingFeedback, Float
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward, LidarOptions
 from wt_gym.control.controllers.own import TUNED, record_of, tuned_parameters
 from wt_gym.control.controllers.supervisor import Supervisor, SupervisorOptions
-
-if TYPE_CHECKING:
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 # ---- the catalog ----
 

@@ -24,10 +24,11 @@ from dataclasses import replace
 from functools import cache, lru_cache
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wt_gym.base.errors import ControllerError, warn_once
 from wt_gym.base.options import Options, option, option_record
+from wt_gym.control.controllers.controller import Controller
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController, GainTable
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, TsrTrackingParameters, WindEstimator
 from wt_gym.control.design import design_point, same_rotor
@@ -35,11 +36,7 @@ from wt_gym.control.operating_point import tracks_tip_speed_ratio
 from wt_gym.control.rotor import RotorTable, blade_element_table, rotor_table
 from wt_gym.control.stability import check_speed_loop, check_torque_curve, growing_mode, growth
 from wt_gym.turbine_records import RECORDS
-from wt_gym.turbines import load_turbine
-
-if TYPE_CHECKING:
-    from wt_gym.control.controllers.controller import Controller
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine, load_turbine
 
 
 def _own(meaning: str, unit: str, name: str, row: str = "", **more: Any) -> Any:

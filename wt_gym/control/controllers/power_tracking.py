@@ -28,22 +28,18 @@ Where no demanded power can be read, a share ``power_level`` of the rated power 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.options import Options, option, option_record
-from wt_gym.control.controllers.controller import demanded_power_of
+from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.controller import Controller, Readings, demanded_power_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
 from wt_gym.control.rotor import rotor_table
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.control.actions import Demand
-    from wt_gym.control.controllers.controller import Controller, Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 WAYS = ("speed", "torque", "pitch", "kinetic")
 """How a rotor is held back."""

@@ -13,23 +13,20 @@ storm control (Markou and Larsen, EWEC 2009; Bossanyi and King, EWEA 2012; Petro
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.controller import AtSetPoint, Controller, demanded_power_of, part_of
+from wt_gym.control.controllers.controller import AtSetPoint, Controller, Readings, demanded_power_of, part_of
 from wt_gym.control.controllers.discon import BaselineParameters
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward, ShiftablePitch
 from wt_gym.control.controllers.tsr_tracking import SpeedExclusion, TsrTrackingController
 from wt_gym.control.operating_point import least_pitch, torque_curve
 from wt_gym.control.sensors import LowPass
-
-if TYPE_CHECKING:
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 STATES = ("parked", "start_up", "production", "soft_cut_out", "shut_down")
 """What a turbine does, in the order of `Supervisor.state_index`."""

@@ -35,24 +35,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.controller import AtSetPoint
+from wt_gym.control.controllers.controller import AtSetPoint, Readings
 from wt_gym.control.controllers.discon import PITCH_OF_REGION_3, BaselineParameters
 from wt_gym.control.design import rated_mechanical_power, rotor_inertia, slower_than_reference, tower_top
 from wt_gym.control.operating_point import least_pitch
 from wt_gym.control.rotor import RotorTable, blade_element_table, fine_pitch, rotor_table
 from wt_gym.control.sensors import LowPass, Notch
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 # ---- estimated wind ----
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +14,12 @@ import numpy as np
 
 from wt_gym.base.files import write_text_whole
 from wt_gym.bridges.compiler import compile_library, library_name
+from wt_gym.control import Lidar
 from wt_gym.control.bladed.records import LIDAR_SENSOR, LIDAR_SPEEDS, MOST_LIDAR_POINTS
-from wt_gym.control.controllers import make_controller, parse_name
+from wt_gym.control.controllers import LidarFeedforward, make_controller, parse_name
 from wt_gym.control.controllers.lidar_feedforward import SPACING
 from wt_gym.control.design import reference_flap_moment
+from wt_gym.control.rotor import RotorTable
 from wt_gym.deployment.export.parts import (
     FASTEST_LIDAR_WIND,
     KINDS,
@@ -24,7 +27,9 @@ from wt_gym.deployment.export.parts import (
     PARAMETERS,
     PLATFORM,
     SUPPORTED,
+    LinearPitch,
     Parts,
+    Seen,
     controller_parts,
 )
 from wt_gym.envs.dial import DIAL_NAMES, constant_factors
@@ -32,12 +37,6 @@ from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine, load_turbine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from wt_gym.control import Lidar
-    from wt_gym.control.controllers import LidarFeedforward
-    from wt_gym.control.rotor import RotorTable
-    from wt_gym.deployment.export.parts import LinearPitch, Seen
     from wt_gym.deployment.export.policy import Network
 
 _MARK = "/* DATA */"

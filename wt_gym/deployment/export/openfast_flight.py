@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.analysis.metrics import run_metrics
 from wt_gym.analysis.statistics import relative_change
@@ -34,6 +35,7 @@ from wt_gym.control.controllers.names import BASELINE
 from wt_gym.control.controllers.power_tracking import LEAST_SHARE
 from wt_gym.control.operating_point import starting_point
 from wt_gym.deployment.export.discon import export_discon
+from wt_gym.envs.episode import Agent
 from wt_gym.envs.options import flat_arguments
 from wt_gym.envs.power_reference import GridOptions
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
@@ -41,19 +43,14 @@ from wt_gym.experiment.agents import ConstantAgent, load_model
 from wt_gym.experiment.environments import training_arguments
 from wt_gym.experiment.run import play
 from wt_gym.experiment.trained_agent import model_card
+from wt_gym.simulation.contract import TurbineSimulator
 from wt_gym.tasks import DEFAULT_ENV
+from wt_gym.turbines import Turbine
+from wt_gym.wind import Inflow
 from wt_gym.wind.inflow import start_speed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     import xarray as xr
-    from numpy.typing import NDArray
-
-    from wt_gym.envs.episode import Agent
-    from wt_gym.simulation.contract import TurbineSimulator
-    from wt_gym.turbines import Turbine
-    from wt_gym.wind import Inflow
 
 _NO_AGENT = {
     "controller": BASELINE, "observation": ["rotor"], "action_spans": None, "residual_fade": False,

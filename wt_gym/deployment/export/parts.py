@@ -11,11 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wt_gym.control import NacelleAnemometer
+from wt_gym.control import Lidar, NacelleAnemometer
 from wt_gym.control.bladed.records import check_points
 from wt_gym.control.controllers import (
     STATES,
+    AboveRated,
+    Controller,
     DisconController,
     FaultSupervisor,
     ForeAftDamper,
@@ -26,33 +29,29 @@ from wt_gym.control.controllers import (
     YawByDeadBand,
 )
 from wt_gym.control.controllers.controller import parts_of
+from wt_gym.control.controllers.discon import BaselineParameters, PitchLaw
 from wt_gym.control.controllers.linear_optimal import (
     FLOATING_OUTPUTS,
     MOTION_CORNER,
     OUTPUTS,
     SCHEDULE_TIME,
+    LinearDesign,
     LinearOptimalPitch,
     LoadObserver,
 )
 from wt_gym.control.controllers.power_tracking import WAYS, PowerTracking
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator
 from wt_gym.control.design import rotor_inertia
+from wt_gym.control.rotor import RotorTable
 from wt_gym.envs.dial import DIAL_NAMES, LEAST_FACTOR, MOST_FACTOR
+from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.power import available_power
+from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.simulation.drivetrain.drives import pitch_delay
+from wt_gym.turbines import Turbine
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.control import Lidar
-    from wt_gym.control.controllers import AboveRated, Controller
-    from wt_gym.control.controllers.discon import BaselineParameters, PitchLaw
-    from wt_gym.control.controllers.linear_optimal import LinearDesign
-    from wt_gym.control.rotor import RotorTable
     from wt_gym.deployment.export.policy import Network
-    from wt_gym.envs.layout import EnvLayout
-    from wt_gym.envs.turbine_env import WindTurbineEnv
-    from wt_gym.turbines import Turbine
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
              "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",

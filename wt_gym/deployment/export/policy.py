@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -25,18 +26,14 @@ from wt_gym.analysis.statistics import relative_change
 from wt_gym.base.files import write_text_whole
 from wt_gym.control.controllers import parse_name
 from wt_gym.control.controllers.names import BASELINE
+from wt_gym.envs.layout import EnvLayout
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.agents import load_model
 from wt_gym.experiment.environments import trained_arguments, training_arguments
-from wt_gym.experiment.trained_agent import model_card
+from wt_gym.experiment.trained_agent import TrainedAgent, model_card
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
     from stable_baselines3.common.running_mean_std import RunningMeanStd
-
-    from wt_gym.envs.layout import EnvLayout
-    from wt_gym.experiment.trained_agent import TrainedAgent
 
 POLICY_FILE, CARD_FILE = "policy.onnx", "README.md"
 _KEPT = ("agent", "turbine", "control_step_s", "reading_delay_steps", "action_mode", "base_controller", "wt_gym")

@@ -11,8 +11,6 @@ with c = −γ − 2 α φ̇ − α² φ (Baumgarte) for the six equations of a 
 assembles eqs. (7)–(11) densely, for inspection and as the reference of the fast solution.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

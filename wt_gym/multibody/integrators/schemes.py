@@ -15,8 +15,6 @@ All take systems with constraint equations too: these are solved for the acceler
 Baumgarte's stabilization, so that the schemes see a plain differential equation and keep their order.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ roots of a system come from its equations of motion linearized about the state f
 that state; a rotor that speeds up stiffens, so that the step should leave some reserve.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any, NoReturn
 

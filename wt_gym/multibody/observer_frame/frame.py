@@ -121,8 +121,6 @@ None of them shortens the lever of p itself, (s − σ), by the deflection, so t
 since u and φ are relative to the frame, the result depends on the reference condition when deflections are large.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

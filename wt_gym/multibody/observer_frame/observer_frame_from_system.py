@@ -13,8 +13,6 @@ move with both bodies alike, so that the machine stays the same when their mass 
 itself both bodies get mass points and the hinge an inertia (`Joint.rotor_tensors`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -3,8 +3,6 @@
 The equations and the scheme are derived in :mod:`wt_gym.multibody.observer_frame.frame`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import cast
 

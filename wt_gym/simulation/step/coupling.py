@@ -16,8 +16,6 @@ Forces belong to the end of an accepted step. The next step takes them continued
 iterate them with the structure: the air that moves with a tower has a two-hundredth of its mass.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -17,8 +17,6 @@ virtual work on these points is eq. (4) with the lever of the deformed axis in e
 elastic coordinates, force and moment about the frame of the body (docs/formulations.md).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
