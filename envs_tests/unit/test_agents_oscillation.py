@@ -33,6 +33,8 @@ def test_swings_are_counted(amplitude, middle, wind, count):
     speed = middle + amplitude * np.sin(0.2 * TIME)
     assert swings(run(speed, wind).data, 1.0) == count
     assert swings(run(speed, wind).data, 1.0, skip=100.0) <= 0.6 * count
+    afloat = run(speed, wind).data.assign(platform_pitch=("time", speed))
+    assert swings(afloat, 1.0) == (count if wind is STEADY else 0)
 
 
 def test_the_note_names_agent_wind_and_numbers():

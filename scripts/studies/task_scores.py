@@ -243,7 +243,7 @@ STUDIES: dict[str, Study] = {
     "OC4-FloatingLoadReduction": Study(
         "OC4-FloatingLoadReduction",
         ("discon", "discon:constant_power=True", "discon:land_gains=True", "floating:land_gains=True",
-         "floating:share=8.0", "rosco:floating=0", "rosco:floating=2", RANDOM),
+         "floating:share=8.0", "rosco:floating=2", "linear_optimal", RANDOM),
         (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
         _FLOATING,
         duration=690.0,

@@ -503,7 +503,8 @@ def swings(data: xr.Dataset, rated_speed: float, skip: float = 0.0) -> int:
     """Number of times that the rotor speed goes from one side of a band to the other.
 
     The band is ±10 % of rated speed. It lies about rated speed, since below it the speed follows the wind; in a steady
-    wind, which explains no change, about the median of the run. Takes ``rotor_speed`` [rad/s] and ``wind_x`` [m/s] over
+    wind, which explains no change, about the median of the run. The loop of a floating turbine is slower than its
+    platform and lets the speed follow turbulence: its speed counts in a steady wind alone. Takes ``rotor_speed`` [rad/s] and ``wind_x`` [m/s] over
     ``time`` [s], rated speed [rad/s] and the start that is left out [s].
     """
     kept = data["time"].values >= skip
@@ -511,6 +512,8 @@ def swings(data: xr.Dataset, rated_speed: float, skip: float = 0.0) -> int:
     if speed.size == 0:
         return 0
     steady = float(np.std(wind)) <= _STEADY * abs(float(np.mean(wind)))
+    if not steady and "platform_pitch" in data:
+        return 0
     middle = float(np.median(speed)) if steady else rated_speed
     side = np.where(speed > middle + SWING * rated_speed, 1, np.where(speed < middle - SWING * rated_speed, -1, 0))
     visited = side[side != 0]
