@@ -197,9 +197,7 @@ class LinearDesign:
     responses: NDArray[np.float64]  #: of outputs over their scale to offsets [1/rad], shape (n, n_out, 3, n_taps)
     gains: NDArray[np.float64]  #: from disturbances to offsets [rad], shape (n, 3, n_out, n_delays)
     scale: NDArray[np.float64]  #: of the outputs, shape (n_out,)
-    washout: NDArray[
-        np.float64
-    ]  #: time constant of what lasts in each output [s]; 0: everything counts, shape (n_out,)
+    washout: NDArray[np.float64]  #: time constant of what lasts in each output [s], 0: all counts, shape (n_out,)
     loads: NDArray[
         np.float64
     ]  #: fore-aft and side-side moment of the tower base by offsets [N m/rad], (n, 2, 3, n_taps)
@@ -469,14 +467,8 @@ class LinearOptions(ObserverOptions):
 
 
 SHIPPED = (
-    "gebhardt_45m",
-    "iea_15mw",
-    "iea_15mw_monopile",
-    "iea_22mw",
-    "nrel_5mw",
-    "nrel_5mw_monopile",
-    "oc4_nrel_5mw",
-)
+    "gebhardt_45m", "iea_15mw", "iea_15mw_monopile", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile", "oc4_nrel_5mw",
+)  # fmt: skip
 """Turbines with a design in ``data``."""
 
 SCHEDULE_TIME = 10.0
