@@ -504,8 +504,8 @@ def swings(data: xr.Dataset, rated_speed: float, skip: float = 0.0) -> int:
 
     The band is ±10 % of rated speed. It lies about rated speed, since below it the speed follows the wind; in a steady
     wind, which explains no change, about the median of the run. The loop of a floating turbine is slower than its
-    platform and lets the speed follow turbulence: its speed counts in a steady wind alone. Takes ``rotor_speed`` [rad/s] and ``wind_x`` [m/s] over
-    ``time`` [s], rated speed [rad/s] and the start that is left out [s].
+    platform and lets the speed follow turbulence: there a steady wind alone counts. Takes ``rotor_speed`` [rad/s] and
+    ``wind_x`` [m/s] over ``time`` [s], rated speed [rad/s] and the start that is left out [s].
     """
     kept = data["time"].values >= skip
     speed, wind = data["rotor_speed"].values[kept], data["wind_x"].values[kept]
