@@ -32,7 +32,7 @@ KNOWS = {
     },
     "learning": {
         "turbines", "wind", "simulation", "control", "bridges", "analysis", "envs", "experiment",
-        "deployment",
+        "deployment", "hydrodynamics",
     },
     "commands": {
         "turbines", "hydrodynamics", "wind", "multibody", "simulation", "control", "bridges", "analysis", "envs",
