@@ -65,6 +65,17 @@ def test_a_trained_agent_flies_alike_in_python_and_as_a_library(agent, duration,
     assert alone["pitch_travel"] != pytest.approx(library["pitch_travel"], rel=0.1)
 
 
+@pytest.mark.slow
+def test_the_linear_optimum_of_a_floating_turbine_flies_alike_in_its_waves(tmp_path):
+    scene = scene_of("linear_optimal", turbine="oc4_nrel_5mw", wind_speed=15.0, wind_seed=1001, duration=20.0)
+    assert scene.sea.first_info()["significant_wave_height"] == pytest.approx(4.0, rel=0.05)
+    flight = fly("linear_optimal", tmp_path, scene, duration=20.0, skip=2.0, driver=DRIVER, library=LIBRARY)
+    assert InputFile(flight.primary.with_name("seastate.dat")).integer("WaveMod") == 7
+    assert flight.pitch < 1e-5
+    assert flight.torque < 1e-5
+    assert {load: abs(change) < 0.01 for load, change in flight.changes.items()} == dict.fromkeys(LOADS, True)
+
+
 def test_a_library_makes_the_power_that_servodyn_demands(tmp_path):
     """It begins with the torque of that power, as Python does."""
     choice, demanded = "discon+derate_kinetic", 4e6

@@ -128,14 +128,20 @@ class SeaTerm(Term):
             request.drawn["sea"] = EpisodeSea(given, SeaState())
             return
         choice = self._choice if given is None else SeaChoice.of(given)
-        state = self._state(choice, float(request.wind.wind_speed))
-        turn = own.uniform(-1.0, 1.0) * choice.misalignment
-        length = min(request.length or 0.0, LONGEST)
+        request.drawn["sea"] = self.sea(own, float(request.wind.wind_speed), request.length, choice)
+
+    def sea(
+        self, rng: np.random.Generator, wind_speed: float, length: float | None, choice: SeaChoice | None = None
+    ) -> EpisodeSea:
+        """Sea in a mean wind [m/s] over a length [s], of the environment's choice by default."""
+        choice = choice or self._choice
+        state = self._state(choice, wind_speed)
+        turn = rng.uniform(-1.0, 1.0) * choice.misalignment
         state = replace(state, direction=math.remainder(state.direction + turn, 2.0 * math.pi),
-                        duration=max(state.duration, length, SHORTEST))  # fmt: skip
+                        duration=max(state.duration, min(length or 0.0, LONGEST), SHORTEST))  # fmt: skip
         floater = self._turbine.floater
         assert floater is not None  # or the term is off
-        request.drawn["sea"] = EpisodeSea(state.components(own, floater.water_depth), state)
+        return EpisodeSea(state.components(rng, floater.water_depth), state)
 
     def _state(self, choice: SeaChoice, speed: float) -> SeaState:
         """Sea state in a wind of a mean speed [m/s]."""

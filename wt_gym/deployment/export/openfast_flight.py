@@ -38,6 +38,7 @@ from wt_gym.deployment.export.discon import export_discon
 from wt_gym.envs.episode import Agent
 from wt_gym.envs.options import flat_arguments
 from wt_gym.envs.power_reference import GridOptions
+from wt_gym.envs.sea import EpisodeSea, SeaTerm
 from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent, load_model
 from wt_gym.experiment.environments import training_arguments
@@ -67,6 +68,7 @@ class Scene:
     turbine: Turbine
     inflow: Inflow
     step: float  #: of the simulator [s]
+    sea: EpisodeSea | None = None  #: of a floating turbine
 
 
 def scene_of(
@@ -110,8 +112,10 @@ def scene_of(
     chosen_wind = {"wind_speed": wind_speed, "wind_seed": wind_seed}
     given = {key: value for key, value in chosen_wind.items() if value is not None}
     try:
-        wind = env.wind.sample(np.random.default_rng(0), **given, length=duration)  # type: ignore[arg-type]
-        return Scene(arguments, env.turbine, wind.inflow, env.operation.step)
+        rng = np.random.default_rng(0)
+        wind, term = env.wind.sample(rng, **given, length=duration), env.terms.get("sea")  # type: ignore[arg-type]
+        sea = term.sea(rng, float(wind.wind_speed), duration) if isinstance(term, SeaTerm) else None
+        return Scene(arguments, env.turbine, wind.inflow, env.operation.step, sea)
     finally:
         env.close()
 
@@ -171,6 +175,7 @@ def export_openfast(
         scene.turbine, scene.inflow, folder, ServedController(library.name, parameters.name, lidar), duration=duration,
         interval=scene.step, model=model, parked=made["parked"],
         changes=None if power is None else {"ServoDyn": {"GenPwr_Dem": power}},
+        sea=None if scene.sea is None else scene.sea.components,
     )  # fmt: skip
     if lidar is not None:
         with page.open("a", encoding="utf-8") as file:
@@ -381,7 +386,8 @@ def _played(
     env.operation.make_simulator = noting
     actor: Agent = ConstantAgent(env.layout) if agent is None else _Held(agent, env.layout.observation.names, held)
     try:
-        options = {"inflow": scene.inflow, "azimuth": 0.0} | dict(start or {})
+        afloat = {} if scene.sea is None else {"sea": scene.sea.components}
+        options = {"inflow": scene.inflow, "azimuth": 0.0} | afloat | dict(start or {})
         episode = play(env, actor, seed=0, options=options, duration=duration)
     finally:
         env.close()
