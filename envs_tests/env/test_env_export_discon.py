@@ -20,11 +20,12 @@ from envs_tests.unit.exported_library import (
     sanitized,
     together,
     torques,
+    write_all_readings,
 )  # fmt: skip
 from wt_gym.base.errors import SimulationError
 from wt_gym.commands import run as run_command
 from wt_gym.control import Lidar
-from wt_gym.control.bladed.records import new_swap, write_lidar, write_readings
+from wt_gym.control.bladed.records import new_swap, write_lidar
 from wt_gym.control.controllers import STATES
 from wt_gym.deployment.export.discon import export_discon
 from wt_gym.deployment.export.openfast_flight import fly, scene_of
@@ -167,11 +168,11 @@ def fly_both(env, agent, library, parameters, duration, held=(), **options):
         look, env.operation._looked = env.operation._looked, seen
 
     def measured(signals):
-        write_readings(swap, signals, n)
+        write_all_readings(swap, signals, env.turbine)
         reference = env.operation.reference
         swap[12] = 0.0 if reference is None else reference.at(signals["time"])
         read = Signals(signals.values.copy(), n)
-        for name, value in as_read(swap, n).items():
+        for name, value in as_read(swap, env.turbine).items():
             if name != "demanded_power" and not name.startswith("lidar_"):
                 read.set(name, value)
         return read

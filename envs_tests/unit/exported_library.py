@@ -40,12 +40,10 @@ class Exported:
 
     def read(self, signals):
         """Take readings and give them back as the library has them: in single precision."""
-        write_readings(self.swap, signals, self.turbine.n_blades)
-        if self.turbine.floater is not None:
-            write_platform(self.swap, signals)
+        write_all_readings(self.swap, signals, self.turbine)
         if self.lidar is not None:
             write_lidar(self.swap, signals, self.lidar, self.turbine.hub_height, self.turbine.rotation)
-        return as_read(self.swap, self.turbine.n_blades)
+        return as_read(self.swap, self.turbine)
 
     def call(self, time, interval, status=None):
         """Call once and return the demands."""
@@ -108,7 +106,14 @@ def compiled(source, main, folder, sanitizers="address,undefined"):
     return str(path)
 
 
-def as_read(swap, n_blades):
+def write_all_readings(swap, signals, turbine):
+    """Write the readings of an instant, of a floating turbine with those of its platform."""
+    write_readings(swap, signals, turbine.n_blades)
+    if turbine.floater is not None:
+        write_platform(swap, signals)
+
+
+def as_read(swap, turbine):
     """Signals by name as records hold them."""
     swap = swap.astype(np.float64)
     yaw = swap[36]
@@ -121,12 +126,13 @@ def as_read(swap, n_blades):
     }  # fmt: skip
     if swap[12] > 0.0:
         read["demanded_power"] = swap[12]
-    for b in range(n_blades):
+    for b in range(turbine.n_blades):
         out, within, angle = (swap[records[b] - 1] for records in (OUT_OF_PLANE, IN_PLANE, PITCH))
         read[f"pitch_{b + 1}"] = angle
         read[f"root_flap_moment_{b + 1}"] = out * math.cos(angle) + within * math.sin(angle)
         read[f"root_edge_moment_{b + 1}"] = within * math.cos(angle) - out * math.sin(angle)
-    read |= dict(zip(PLATFORM_CHANNELS, swap[1000:1018], strict=True))
+    if turbine.floater is not None:
+        read |= dict(zip(PLATFORM_CHANNELS, swap[1000:1018], strict=True))
     read |= {f"lidar_{k + 1}": swap[2004 + k] for k in range(round(swap[2002]))}
     return {name: float(value) for name, value in read.items()}
 
