@@ -21,6 +21,8 @@ taken strip by strip of a slender body: a strip of the area S has Σ m r = −2 
 2 ρ S (dU/dt + U·∇U) − ρ S du/dt, twice and once the mass of the displaced air.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations
