@@ -81,8 +81,8 @@ def parameters():
         for parameter in declared_parameters(name):
             shown = default_text(parameter)
             default = shown if parameter.default is None else f"`{shown}`"
-            told = parameter.unit, default, parameter.allowed, parameter.meaning
-            rows.append((f"`{name}`", f"`{parameter.name}`", *told))
+            facts = parameter.unit, default, parameter.allowed, parameter.meaning
+            rows.append((f"`{name}`", f"`{parameter.name}`", *facts))
     return table(("controller", "parameter", "unit", "default", "allowed", "meaning"), rows, "options")
 
 

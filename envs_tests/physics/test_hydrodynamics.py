@@ -13,6 +13,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
+from envs_tests.physics.cases.floating import peaks
 from wt_gym.hydrodynamics import PLATFORMS, PlatformLoads, WaveComponents, load_platform
 from wt_gym.hydrodynamics.loads_kernels import accept_step, platform_force, water_motion
 from wt_gym.hydrodynamics.mooring_kernels import mooring_force
@@ -110,14 +111,6 @@ class RigidFloater:
         force[3:] += np.cross(center, weight) - np.cross(w, inertia @ w)
         whole = self.mass + self.platform.radiation.added_mass_infinite
         return np.linalg.solve(both @ whole @ both.T, force)
-
-
-def peaks(t, y):
-    """Times and heights of the maxima above 0, from parabolas."""
-    k = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:]) & (y[1:-1] > 0.0)) + 1
-    before, top, after = y[k - 1], y[k], y[k + 1]
-    shift = 0.5 * (before - after) / (before - 2.0 * top + after)
-    return t[k] + shift * (t[1] - t[0]), top - 0.25 * (before - after) * shift
 
 
 # ---- against OpenFAST ------------------------------------------------------------------------------------------------

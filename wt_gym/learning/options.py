@@ -496,13 +496,8 @@ def design_task(turbine: Turbine, feedback: Mapping[str, Any] | None = None, **o
     of_feedback: dict[str, Any] = {}
     if turbine.floater is not None:
         own = {"memory": 60.0, "duration": 600.0, "excitation": excitation_of(turbine)}
-        of_feedback = {
-            "longest": 60.0,
-            "washout": 60.0,
-            "smooth": 120.0,
-            "skip": 60.0,
-            "weights": FLOATING_COST_WEIGHTS,
-        }
+        of_feedback = dict.fromkeys(("longest", "washout", "skip"), 60.0)  # [s], two periods of a platform
+        of_feedback |= {"smooth": 120.0, "weights": FLOATING_COST_WEIGHTS}
     return LinearDesignTask(**own | options, feedback=FeedbackOptions(**of_feedback | dict(feedback or {})))
 
 

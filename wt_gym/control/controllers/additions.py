@@ -395,6 +395,17 @@ CORNER = 0.2
 """Corner of the high-pass filter in natural frequencies of the tower [-]."""
 
 
+def with_added_pitch(demand: Demand, added: float, limits: tuple[float, float]) -> Demand:
+    """A demand with the same pitch added to all blades [rad], within the least and the greatest pitch.
+
+    No blade is taken below the least pitch, but one stays there that the controller has put there.
+    """
+    low, high = limits
+    angles = map(float, demand.pitch)  # arrays of three are slow
+    pitch = np.array([min(max(angle + added, min(angle, low)), high) for angle in angles])
+    return Demand(pitch, demand.yaw_rate, demand.generator_torque)
+
+
 class ForeAftDamper:
     """Addition: collective pitch in proportion to the fore-aft velocity of the nacelle.
 
@@ -430,10 +441,7 @@ class ForeAftDamper:
         before = list(map(float, demand.pitch))  # arrays of three are slow
         share = 1.0 if self.fade is None else self.fade.update(before, signals["rotor_speed"], dt)
         added = share * min(max(self.gain * velocity, -self.limit), self.limit)
-        # the damper takes no blade below fine pitch, but leaves one there that the controller has put there
-        low, high = self.pitch_limits
-        pitch = np.array([min(max(angle + added, min(angle, low)), high) for angle in before])
-        return Demand(pitch, demand.yaw_rate, demand.generator_torque)
+        return with_added_pitch(demand, added, self.pitch_limits)
 
 
 class SideSideDamper:

@@ -44,7 +44,7 @@ import numpy as np
 from wt_gym.base.errors import ControllerError
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
-from wt_gym.control.controllers.additions import AboveRated, FadeParameters, fade_option
+from wt_gym.control.controllers.additions import AboveRated, FadeParameters, fade_option, with_added_pitch
 from wt_gym.control.controllers.controller import Controller, Readings, part_of
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController
 from wt_gym.control.controllers.tsr_tracking import TsrTrackingController
@@ -159,6 +159,4 @@ class FloatingFeedback:
         before = list(map(float, demand.pitch))  # arrays of three are slow
         share = 1.0 if self.fade is None else self.fade.update(before, signals["rotor_speed"], dt)
         added = share * min(max(self.gain * velocity, -self.limit), self.limit)
-        low, high = self.pitch_limits
-        pitch = np.array([min(max(angle + added, min(angle, low)), high) for angle in before])
-        return Demand(pitch, demand.yaw_rate, demand.generator_torque)
+        return with_added_pitch(demand, added, self.pitch_limits)

@@ -388,11 +388,12 @@ static void base_step(const struct parameters *p, struct state *s, double dt) {
     least = derated_least_pitch(p, power_share(p, s));
     lowest = -HUGE_VAL; /* a least pitch that has just risen is reached at the greatest rate */
 #else
-    torque = fmin(torque_curve(p, speed, first >= p->region_3_min_pitch), p->max_torque);
-    if (p->constant_power == 0.0) {
-        int held = first >= p->region_3_min_pitch || speed >= p->rated_generator_speed;
+    const int pitched = first >= p->region_3_min_pitch;
+    if (p->constant_power != 0.0) {
+        torque = fmin(torque_curve(p, speed, pitched), p->max_torque);
+    } else {
         torque = p->rated_power / p->reference_speed;
-        if (!held) torque = fmin(torque_curve(p, speed, 0), torque);
+        if (!pitched && speed < p->rated_generator_speed) torque = fmin(torque_curve(p, speed, 0), torque);
     }
 #endif
     if (!isnan(s->torque)) torque = clip(torque, s->torque - p->max_torque_rate * dt, s->torque + p->max_torque_rate * dt);
