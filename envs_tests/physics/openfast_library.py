@@ -1,4 +1,4 @@
-"""Where tests find OpenFAST's library."""
+"""Where tests find OpenFAST's library, and flights on it."""
 
 import lzma
 import os
@@ -8,7 +8,12 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
+import numpy as np
+
 from wt_gym.bridges.openfast import DRIVER_VARIABLE, VARIABLE
+from wt_gym.control import Demand
+from wt_gym.control.controllers import make_controller
+from wt_gym.control.operating_point import starting_point
 
 BESIDE = Path(__file__).resolve().parents[3] / "shared" / "openfast" / "libopenfastlib.so.xz"
 """A packed library beside the checkout."""
@@ -44,3 +49,17 @@ def openfast_driver():
     path.write_bytes(lzma.decompress(BESIDE.with_name("openfast.xz").read_bytes()))
     path.chmod(0o755)
     return path
+
+
+def flown(simulator, seconds):
+    """Signals by name (n_steps,) under the turbine's own controller, from its operating point."""
+    turbine, step = simulator.turbine, simulator.time_step
+    point, controller = starting_point(turbine, simulator.inflow), make_controller("discon", turbine)
+    signals = simulator.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
+    controller.start(signals, Demand(np.full(3, point.pitch), 0.0, point.generator_torque))
+    rows = []
+    for _ in range(round(seconds / step)):
+        demand = controller.step(signals, step)
+        signals = simulator.advance(step, demand.pitch, demand.yaw_rate, demand.generator_torque)
+        rows.append(signals.values)
+    return dict(zip(signals.keys(), np.transpose(rows), strict=True))

@@ -9,16 +9,13 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-from openfast_library import openfast_library
+from openfast_library import flown, openfast_library
 
 import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import SimulationError
 from wt_gym.bridges.openfast import VARIABLE, OpenFASTSimulator
 from wt_gym.bridges.openfast.model import tower_sections
 from wt_gym.commands import run as run_command
-from wt_gym.control import Demand
-from wt_gym.control.controllers import make_controller
-from wt_gym.control.operating_point import starting_point
 from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.learning.options import PretrainingOptions, pretraining_environment
 from wt_gym.learning.pretraining_episodes import EpisodeJob, plant_outputs, record_episode
@@ -50,28 +47,14 @@ def run(sim, seconds, pitch=0.0, torque=19.3e3, yaw_rate=0.0, **start):
     return [sim.advance(sim.time_step, pitch, yaw_rate, torque) for _ in range(steps)]
 
 
-def under_baseline(sim, seconds, last):
-    """Mean signals of the last seconds under the turbine's own controller."""
-    turbine, dt = sim.turbine, sim.time_step
-    point, controller = starting_point(turbine, sim.inflow), make_controller("discon", turbine)
-    signals = sim.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
-    controller.start(signals, Demand(np.full(3, point.pitch), 0.0, point.generator_torque))
-    rows = []
-    for _ in range(round(seconds / dt)):
-        demand = controller.step(signals, dt)
-        signals = sim.advance(dt, demand.pitch, demand.yaw_rate, demand.generator_torque)
-        rows.append(signals.values)
-    return dict(zip(signals.keys(), np.mean(rows[-round(last / dt) :], axis=0), strict=True))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("speed", "seconds"), [(8.0, 60.0), (15.0, 40.0)])
 def test_operating_points_are_those_of_the_simulator(turbine, speed, seconds):
     """Blade elements and vortex lattice differ: by 5 % in power below rated wind and in loads, by 0.25 m at the tip."""
     wind = SteadyInflow(speed, 90.0, shear_exponent=0.2)
     found, wanted = (
-        under_baseline(simulator(turbine, wind), seconds, 10.0),
-        under_baseline(Simulator(turbine, wind), seconds, 10.0),
+        {name: values[-round(10.0 / each.time_step) :].mean() for name, values in flown(each, seconds).items()}
+        for each in (simulator(turbine, wind), Simulator(turbine, wind))
     )
     for name, near in (
         ("rotor_speed", 0.02), ("generator_power", 0.06), ("aero_thrust", 0.05), ("rotor_thrust", 0.05),

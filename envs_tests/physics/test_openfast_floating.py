@@ -4,12 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from openfast_library import openfast_driver, openfast_library
+from openfast_library import flown, openfast_driver, openfast_library
 
 from wt_gym.bridges.openfast import OpenFASTSimulator, run_driver, write_model
-from wt_gym.control import Demand
-from wt_gym.control.controllers import make_controller
-from wt_gym.control.operating_point import starting_point
 from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.simulation import Simulator
 from wt_gym.turbines import load_turbine
@@ -58,24 +55,11 @@ def test_decay_of_pitch(tmp_path):
     np.testing.assert_allclose(abs(np.diff(found[:, 1])), abs(np.diff(wanted[:, 1])), rtol=0.05)
 
 
-def flown(simulator):
-    """Rows of platform motions and rotor speed under the turbine's own controller."""
-    turbine, step = simulator.turbine, simulator.time_step
-    point, controller = starting_point(turbine, simulator.inflow), make_controller("discon", turbine)
-    signals = simulator.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
-    controller.start(signals, Demand(np.full(3, point.pitch), 0.0, point.generator_torque))
-    rows = []
-    for _ in range(round(DURATION / step)):
-        demand = controller.step(signals, step)
-        signals = simulator.advance(step, demand.pitch, demand.yaw_rate, demand.generator_torque)
-        names = ("time", "platform_surge", "platform_heave", "platform_pitch", "rotor_speed", "wave_elevation")
-        rows.append([signals[name] for name in names])
-    return np.array(rows)
-
-
-def response(rows):
-    """Complex amplitudes at the wave's frequency, beside transients as a polynomial (n_columns - 1,)."""
-    time, rest = rows[rows[:, 0] > DURATION - LAST, 0], rows[rows[:, 0] > DURATION - LAST, 1:]
+def response(signals):
+    """Complex amplitudes of surge, heave and pitch at the wave's frequency (3,), beside transients as a polynomial."""
+    last = signals["time"] > DURATION - LAST
+    time = signals["time"][last]
+    rest = np.stack([signals[f"platform_{name}"][last] for name in ("surge", "heave", "pitch")], axis=1)
     x = time - time.mean()
     basis = np.column_stack([np.cos(OMEGA * time), np.sin(OMEGA * time), *(x**k for k in range(4))])
     cosine, sine, *_ = np.linalg.lstsq(basis, rest, rcond=None)[0]
@@ -89,13 +73,15 @@ def test_a_regular_wave_moves_both_alike(name, speed):
     sea = WaveComponents(np.array([OMEGA]), np.array([1.5]), np.array([0.4]), np.array([0.3]), depth=200.0)
     wind = SteadyInflow(speed, turbine.hub_height)
     other = OpenFASTSimulator(turbine, wind, openfast_library=openfast_library(), sea=sea, duration=DURATION)
-    found = flown(other)
+    found = flown(other, DURATION)
     other.close()
-    wanted = flown(Simulator(turbine, wind, sea=sea))
-    np.testing.assert_allclose(found[:, -1], sea.elevation(found[:, 0]), atol=1e-5)
-    ratio = response(found)[:3] / response(wanted)[:3]
+    wanted = flown(Simulator(turbine, wind, sea=sea), DURATION)
+    np.testing.assert_allclose(found["wave_elevation"], sea.elevation(found["time"]), atol=1e-5)
+    ratio = response(found) / response(wanted)
     np.testing.assert_allclose(abs(ratio), 1.0, atol=0.05)
     np.testing.assert_allclose(np.angle(ratio), 0.0, atol=np.radians(5.0))
-    half = found[:, 0] > DURATION - LAST
-    assert found[half, 4].mean() == pytest.approx(wanted[half, 4].mean(), rel=0.03)
-    assert found[half, 3].mean() == pytest.approx(wanted[half, 3].mean(), abs=np.radians(0.5))
+    last = found["time"] > DURATION - LAST
+    assert found["rotor_speed"][last].mean() == pytest.approx(wanted["rotor_speed"][last].mean(), rel=0.03)
+    assert found["platform_pitch"][last].mean() == pytest.approx(
+        wanted["platform_pitch"][last].mean(), abs=np.radians(0.5)
+    )

@@ -32,6 +32,7 @@ from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, pariti
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine
+from wt_gym.turbines.blade import rotation_about_z
 from wt_gym.turbines.variants import REFLECTION_6
 from wt_gym.wind import Inflow
 from wt_gym.wind.inflow import fill_velocity, read_only
@@ -216,8 +217,8 @@ class StartRecorder:
             if k >= settling and (k - settling) % spacing == 0:
                 y, s = simulator.coupling.integrator.state, simulator.structure
                 parts = (
-                    _signals(signals), _turned(lasting, signals["azimuth"], n), simulator.tower_top(), means,
-                    [y[s.azimuth_q] % (2.0 * math.pi), y[s.system.n_q + s.azimuth_u]],
+                    signals.values[_recorded_channels(n)], _turned(lasting, signals["azimuth"], n),
+                    simulator.tower_top(), means, [y[s.azimuth_q] % (2.0 * math.pi), y[s.system.n_q + s.azimuth_u]],
                     wind_history(inflow, turbine, 0.0, k * dt), [np.mean(thrusts)],
                     simulator.motion() if simulator.takes_motion else s.platform(y),
                 )  # fmt: skip
@@ -347,7 +348,11 @@ class Record:
             return None
         instant = int(alike[int(number * len(alike))])
         change = (history - self._rows[instant, self._columns.history]) @ self._responses[instant // self._per_speed]
-        return self.at(turbine, instant, azimuth, change)
+        start = self.at(turbine, instant, azimuth, change)
+        if start.platform is None:
+            return start
+        # recorded in wind along x; angles as small as these turn like a vector
+        return replace(start, platform=(start.platform.reshape(4, 3) @ rotation_about_z(yaw)[:3, :3].T).ravel())
 
     def at(
         self, turbine: Turbine, instant: int, azimuth: float | None = None, change: NDArray[np.float64] | float = 0.0
@@ -431,14 +436,9 @@ def _loads(signals: Signals) -> NDArray[np.float64]:
     return np.concatenate([np.atleast_1d(signals[name]) for name in AVERAGED])
 
 
-def _signals(signals: Signals) -> NDArray[np.float64]:
-    recorded: NDArray[np.float64] = signals.values[_recorded_channels(signals.n_blades)]
-    return recorded
-
-
 def _unturned(signals: Signals) -> NDArray[np.float64]:
     """Recorded signals, those of three blades as mean, tilt and yaw, whose means do not depend on the azimuth."""
-    values = _signals(signals).copy()
+    values: NDArray[np.float64] = signals.values[_recorded_channels(signals.n_blades)].copy()
     for place in _of_blades(signals.n_blades):
         values[place] = to_fixed_frame(values[place], signals["azimuth"])
     return values
