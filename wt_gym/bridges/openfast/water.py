@@ -32,7 +32,7 @@ _STUB = 0.06
 _MEMORY = 60.0
 """Time over which HydroDyn convolves the radiation [s]."""
 _WAVE_STEP = 0.2
-_SEGMENTS = 40
+_SEGMENTS = 20
 _NEGLIGIBLE = 1e-6
 _PER_TURN = 37
 """Headings of a table around the platform."""
@@ -274,7 +274,7 @@ def _write_moordyn(platform: Platform, path: Path) -> None:
             for k, line in zip(number, lines, strict=True)
         ],
         "---------------------- OPTIONS",
-        f"{0.25 * slow:.4g} dtM", "3.0e6 kBot", "3.0e5 cBot", f"{platform.water_depth:.15g} WtrDpth",
+        f"{0.4 * slow:.4g} dtM", "3.0e6 kBot", "3.0e5 cBot", f"{platform.water_depth:.15g} WtrDpth",
         *[f"{friction:.15g} {key}" for friction in frictions if friction > 0.0 for key in ("MU_KT", "MU_KA")],
         "1.0 dtIC", "60.0 TmaxIC", "4.0 CdScaleIC", "0.001 threshIC",
         "---------------------- OUTPUTS",
