@@ -69,7 +69,7 @@ def test_start_in_a_current_is_a_balance():
     simulator.sea = WaveComponents([0.6], [0.0], [0.0], [0.0], current=(1.0, 0.5))
     signals = simulator.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0)
     assert np.hypot(signals.platform_surge_acceleration, signals.platform_sway_acceleration) < 1e-6
-    assert signals.platform_surge > 3.0 and signals.platform_sway > 1.5
+    assert min(signals.platform_surge, 2.0 * signals.platform_sway) > 3.0
     simulator = parked("volturn")
     simulator.sea = WaveComponents([0.6], [0.0], [0.0], [0.0], current=(1.0, 0.0))
     refuses(InflowError, ("without drag members", lambda: simulator.reset(0.0, pitch=0.5 * np.pi)))
