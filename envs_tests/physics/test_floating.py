@@ -157,6 +157,7 @@ def test_what_a_sea_and_a_start_must_be():
         ActionError,
         ("12 finite numbers", lambda: simulator.reset(**RATED, platform=np.zeros(6))),
         ("12 finite numbers", lambda: simulator.reset(**RATED, platform=np.full(12, np.nan))),
+        ("from -1 to 1 rad", lambda: simulator.reset(**RATED, platform=np.full(12, 3.0))),  # degrees
     )
     refuses(
         SimulationError,
