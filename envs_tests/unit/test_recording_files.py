@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from wt_gym.commands import run as run_command
+from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.recorder import write_recording
 
 TIME = np.arange(101) * 0.05
@@ -19,6 +20,10 @@ SIGNALS = {
     "aero_power": (-5e6 * np.cos(TIME), "W", "RtAeroPwr"),
     "root_flap_moment_1": (1e7 * np.cos(3.0 * TIME), "N m", "RootMyb1"),
     "yaw_rate": (np.zeros(101), "rad/s", "YawVzn"),
+    "platform_pitch_rate": (0.01 * np.cos(TIME), "rad/s", "PtfmRVyi"),
+    "platform_pitch_acceleration": (0.01 * np.cos(TIME), "rad/s^2", "PtfmRAyi"),
+    "platform_surge_acceleration": (np.cos(TIME), "m/s^2", "PtfmTAxi"),
+    "fairlead_tension_2": (1e6 + 1e5 * np.cos(TIME), "N", "FairTen2"),
     "pitch_travel_1": (np.ones(101), "rad", ""),
 }
 OPENFAST = {
@@ -29,6 +34,10 @@ OPENFAST = {
     "RtAeroPwr": (-5e6 * np.cos(TIME), "(W)"),
     "RootMyb1": (1e4 * np.cos(3.0 * TIME), "(kN-m)"),
     "YawVzn": (np.zeros(101), "(deg/s)"),
+    "PtfmRVyi": (np.degrees(0.01 * np.cos(TIME)), "(deg/s)"),
+    "PtfmRAyi": (np.degrees(0.01 * np.cos(TIME)), "(deg/s^2)"),
+    "PtfmTAxi": (np.cos(TIME), "(m/s^2)"),
+    "FairTen2": (1e6 + 1e5 * np.cos(TIME), "(N)"),
 }
 
 
@@ -75,6 +84,14 @@ def check(values, units):
 def test_outb_has_the_names_and_units_of_openfast(tmp_path, data):
     write_recording(tmp_path / "run.outb", data)
     check(*read(tmp_path / "run.outb"))
+
+
+def test_every_channel_that_openfast_has_can_be_written(tmp_path):
+    """Those of a floating turbine once had units without a name."""
+    channels = [channel for channel in channel_table(3, 3) if channel.openfast and channel.name != "time"]
+    variables = {c.name: ("time", TIME, {"units": c.unit, "openfast_name": c.openfast}) for c in channels}
+    write_recording(tmp_path / "run.outb", xr.Dataset(variables, {"time": TIME}))
+    assert len(read(tmp_path / "run.outb")[0]) == len(channels) + 1
 
 
 def test_outb_is_read_by_the_reader_of_openfast(tmp_path, data):
