@@ -7,7 +7,6 @@ import pytest
 import xarray as xr
 
 from wt_gym.commands import run as run_command
-from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.recorder import write_recording
 
 TIME = np.arange(101) * 0.05
@@ -84,14 +83,6 @@ def check(values, units):
 def test_outb_has_the_names_and_units_of_openfast(tmp_path, data):
     write_recording(tmp_path / "run.outb", data)
     check(*read(tmp_path / "run.outb"))
-
-
-def test_every_channel_that_openfast_has_can_be_written(tmp_path):
-    """Those of a floating turbine once had units without a name."""
-    channels = [channel for channel in channel_table(3, 3) if channel.openfast and channel.name != "time"]
-    variables = {c.name: ("time", TIME, {"units": c.unit, "openfast_name": c.openfast}) for c in channels}
-    write_recording(tmp_path / "run.outb", xr.Dataset(variables, {"time": TIME}))
-    assert len(read(tmp_path / "run.outb")[0]) == len(channels) + 1
 
 
 def test_outb_is_read_by_the_reader_of_openfast(tmp_path, data):
