@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import wt_gym  # noqa: F401 - registers the environments
+from wt_gym.base.errors import WtGymError
 from wt_gym.control.controllers import IndividualPitch, make_controller
 from wt_gym.control.sensors import from_harmonic, to_harmonic
 from wt_gym.envs.layout import layout_of
@@ -117,8 +118,9 @@ def test_individual_pitch_at_the_control_step_arrives_at_its_azimuth(envs, mode)
 
 def test_missing_channels_and_collective_pitch_are_refused(envs):
     blind = gym.make(TURBULENT, wind_speed=15.0, pitch="individual", observation=("rotor", "power", "pitch"))
-    with pytest.raises(KeyError, match=r"azimuth_sin and azimuth_cos .*it has rotor_speed"):
+    with pytest.raises(KeyError, match=r"^the .*azimuth_sin and azimuth_cos .*it has rotor_speed") as refused:
         ControllerAgent(layout_of(blind), "ipc")
+    assert isinstance(refused.value, WtGymError)  # a command says it in one line
     with pytest.raises(ValueError, match="individual"):
         ControllerAgent(layout_of(envs(action_mode="rate", pitch="collective")), "ipc")
     residual = gym.make(TURBULENT, wind_speed=15.0, action_mode="residual", pitch="fixed-frame")

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from envs_tests.physics.cases import floating as cases
 from envs_tests.physics.refusals import refuses
-from wt_gym.base.errors import ActionError, SimulationError
+from wt_gym.base.errors import ActionError, InflowError, SimulationError
 from wt_gym.base.quantities import GRAVITY
 from wt_gym.hydrodynamics.loads import PlatformLoads
 from wt_gym.hydrodynamics.loads_kernels import platform_force
@@ -61,6 +61,19 @@ def course(simulator, sea=None, steps=40, **start):
     rows = [simulator.reset(**(RATED | start)).values]
     rows += [simulator.advance(0.2, pitch=0.06, generator_torque=41e3).values for _ in range(steps)]
     return np.array(rows)
+
+
+def test_start_in_a_current_is_a_balance():
+    """A start without its drag began 5 m upstream and drifted for minutes."""
+    simulator = parked("oc4")
+    simulator.sea = WaveComponents([0.6], [0.0], [0.0], [0.0], current=(1.0, 0.5))
+    signals = simulator.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0)
+    assert np.hypot(signals.platform_surge_acceleration, signals.platform_sway_acceleration) < 1e-6
+    assert min(signals.platform_surge, 2.0 * signals.platform_sway) > 3.0
+    simulator = parked("volturn")
+    simulator.sea = WaveComponents([0.6], [0.0], [0.0], [0.0], current=(1.0, 0.0))
+    refuses(InflowError, ("without drag members", lambda: simulator.reset(0.0, pitch=0.5 * np.pi)))
+    simulator.sea = None
 
 
 def test_the_start_is_a_balance():
@@ -144,6 +157,7 @@ def test_what_a_sea_and_a_start_must_be():
         ActionError,
         ("12 finite numbers", lambda: simulator.reset(**RATED, platform=np.zeros(6))),
         ("12 finite numbers", lambda: simulator.reset(**RATED, platform=np.full(12, np.nan))),
+        ("from -1 to 1 rad", lambda: simulator.reset(**RATED, platform=np.full(12, 3.0))),  # degrees
     )
     refuses(
         SimulationError,

@@ -270,7 +270,8 @@ def test_mirrored_world(name):
     """Waves from the other side give the mirror image: surge, heave, pitch the same, sway, roll, yaw the opposite."""
     motions = []
     for side in (1.0, -1.0):
-        sea = WaveComponents([0.5, 0.62], [1.5, 1.0], [0.4, 2.0], [side * 0.5, side * 2.1], current=(0.3, side * 0.2))
+        current = (0.3, side * 0.2) if name == "oc4_semi" else (0.0, 0.0)  # where something has drag
+        sea = WaveComponents([0.5, 0.62], [1.5, 1.0], [0.4, 2.0], [side * 0.5, side * 2.1], current=current)
         motions.append(RigidFloater(name).run(20.0, side_of(side), sea)[1])
     sign = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     np.testing.assert_allclose(motions[0], motions[1] * sign, atol=1e-4 * np.abs(motions[0]).max(axis=0).min())

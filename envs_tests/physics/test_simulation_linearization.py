@@ -133,6 +133,28 @@ def test_trim_is_the_operating_point_of_the_simulation(operating, simulator):
     np.testing.assert_allclose(trimmed, np.mean(means, axis=0), rtol=0.05)
 
 
+def test_rigid_shaft_leaves_the_wake_to_the_rotor(operating):
+    """A shaft that hardly twists damps the tower like one that does not; its wake once turned with the first blade."""
+    rigid = Simulator("nrel_5mw", SteadyInflow(18.0), replace(FIDELITIES["training"], stiffest_shaft=0.5))
+    model = linearize(rigid, rotor_speed=RATED, pitch=np.radians(14.92), multiblade=True, outputs=("rotor_speed",))
+    assert not [name for name in model.state_names if "shaft" in name]
+    bent = [{mode.name: mode for mode in one.modes()}["fore_aft_1"] for one in (model, operating)]
+    assert bent[0].frequency == pytest.approx(bent[1].frequency, rel=5e-3)
+    assert bent[0].damping == pytest.approx(bent[1].damping, rel=0.03)
+
+
+@pytest.mark.parametrize(("wind", "speed", "pitch"), [(8.0, 0.5966, 0.0), (12.0, 0.7917, 0.1167)])
+def test_large_floating_rotor_has_an_operating_point(wind, speed, pitch):
+    """Blades bend by more than ten meters and the lines are far from where slopes are taken first."""
+    arguments = {"rotor_speed": speed, "pitch": pitch, "n_azimuths": 1, "outputs": ("aero_thrust",)}
+    model = Simulator("volturnus_iea_15mw", SteadyInflow(wind)).linearize(**arguments)
+    assert model.operating_point.residual < 1e-6
+    surge = next(mode for mode in model.modes() if mode.name == "platform_surge")
+    assert 0.01 < surge.damping < 0.1
+    with pytest.raises(SimulationError, match="no steady operating point"):
+        Simulator("iea_15mw", SteadyInflow(12.0)).linearize(wind_speed=40.0, rotor_speed=speed, n_azimuths=1)
+
+
 def test_present_state_can_be_linearized_and_stays(simulator):
     simulator.reset(rotor_speed=RATED, pitch=np.radians(14.92), azimuth=0.5)
     simulator.advance(1.0, pitch=np.radians(14.92), generator_torque=38e3)

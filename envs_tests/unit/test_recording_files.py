@@ -19,6 +19,10 @@ SIGNALS = {
     "aero_power": (-5e6 * np.cos(TIME), "W", "RtAeroPwr"),
     "root_flap_moment_1": (1e7 * np.cos(3.0 * TIME), "N m", "RootMyb1"),
     "yaw_rate": (np.zeros(101), "rad/s", "YawVzn"),
+    "platform_pitch_rate": (0.01 * np.cos(TIME), "rad/s", "PtfmRVyi"),
+    "platform_pitch_acceleration": (0.01 * np.cos(TIME), "rad/s^2", "PtfmRAyi"),
+    "platform_surge_acceleration": (np.cos(TIME), "m/s^2", "PtfmTAxi"),
+    "fairlead_tension_2": (1e6 + 1e5 * np.cos(TIME), "N", "FairTen2"),
     "pitch_travel_1": (np.ones(101), "rad", ""),
 }
 OPENFAST = {
@@ -29,6 +33,10 @@ OPENFAST = {
     "RtAeroPwr": (-5e6 * np.cos(TIME), "(W)"),
     "RootMyb1": (1e4 * np.cos(3.0 * TIME), "(kN-m)"),
     "YawVzn": (np.zeros(101), "(deg/s)"),
+    "PtfmRVyi": (np.degrees(0.01 * np.cos(TIME)), "(deg/s)"),
+    "PtfmRAyi": (np.degrees(0.01 * np.cos(TIME)), "(deg/s^2)"),
+    "PtfmTAxi": (np.cos(TIME), "(m/s^2)"),
+    "FairTen2": (1e6 + 1e5 * np.cos(TIME), "(N)"),
 }
 
 

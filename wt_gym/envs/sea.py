@@ -64,11 +64,11 @@ class SeaChoice:
                 f"got {shown(value)}{guess}"
             )
         fields = dict(value)
-        spread = float(fields.pop(MISALIGNMENT, 0.0))
-        if not 0.0 <= spread <= math.pi:
+        spread = fields.pop(MISALIGNMENT, 0.0)
+        if not (isinstance(spread, (int, float, np.number)) and 0.0 <= spread <= math.pi):
             raise ValueError(f"sea {MISALIGNMENT!r} must be between 0 and pi rad, got {spread!r}")
         fields.setdefault("kind", "jonswap")
-        return cls(SeaState(**fields), spread)
+        return cls(SeaState(**fields), float(spread))
 
 
 def sea_of_wind(speed: float) -> SeaState:
@@ -98,8 +98,11 @@ class EpisodeSea:
 
     def first_info(self) -> dict[str, Any]:
         """Its part of the info of a reset."""
-        height = 4.0 * math.sqrt(0.5 * float(np.sum(self.components.amplitude**2)))
-        return {"significant_wave_height": height, "peak_wave_period": self.state.peak_period}
+        one, period = self.components, self.state.peak_period
+        height = 4.0 * math.sqrt(0.5 * float(np.sum(one.amplitude**2)))
+        if self.state.kind not in ("regular", "jonswap", "pierson_moskowitz"):  # others are told no period
+            period = 2.0 * math.pi / float(one.frequency[np.argmax(one.amplitude)]) if height > 0.0 else 0.0
+        return {"significant_wave_height": height, "peak_wave_period": period}
 
 
 class SeaTerm(Term):

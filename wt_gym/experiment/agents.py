@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wt_gym.base.errors import WtGymError
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control import AgentSetpoint, Demand
 from wt_gym.control.controllers import Controller, checked_demand, lidar_of, make_controller
@@ -70,6 +71,12 @@ class UniformAgent:
         return self._rng.uniform(-1.0, 1.0, shape).astype(np.float32), state
 
 
+class UnobservedError(WtGymError, KeyError):
+    """The observation lacks a signal that a controller reads."""
+
+    __str__ = Exception.__str__  # that of KeyError quotes
+
+
 class ObservedSignals:
     """The channels of the simulator that can be read from an observation of shape (n_obs,), by name.
 
@@ -91,9 +98,9 @@ class ObservedSignals:
         for candidate in candidates:
             if all(channel in names for channel in candidate):
                 return candidate
-        raise KeyError(
+        raise UnobservedError(
             f"the observation has no channel {' and '.join(candidates[0])} for the signal {name!r}; "
-            f"it has {', '.join(names)}"
+            f"it has {', '.join(names)}. A base controller, controller=..., reads every signal"
         )
 
     def __getitem__(self, name: str) -> float:

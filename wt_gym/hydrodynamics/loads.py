@@ -175,10 +175,15 @@ class PlatformLoads:
         Raises
         ------
         InflowError
-            If a component is outside of the table of the excitation.
+            If a component is outside of the table of the excitation, or nothing has drag in a current.
         """
         if components is not None:
             one, platform = components, self.platform
+            if any(one.current) and not len(self._points):
+                raise InflowError(
+                    "current must be (0, 0) for a platform without drag members and plates, which it would not push, "
+                    f"got {one.current} m/s"
+                )
             components = WaveComponents(
                 one.frequency, one.amplitude, one.phase, one.direction, platform.water_depth, platform.gravity,
                 one.current,
@@ -298,6 +303,12 @@ class PlatformLoads:
         position, rotation, *_ = _motion(position, rotation, np.zeros(3), np.zeros(3))
         self.require(kernels.static_force(p, position, rotation, out), position, rotation)
         return out
+
+    def current_force(self, rotation: Array) -> Array:
+        """Force and moment of the current on the platform at rest, shape (6,), without waves; see `static_force`."""
+        p, still = self.arrays, np.zeros(len(self.arrays.point_across))
+        points = DragPoints(p.point_position @ rotation.T, p.point_axis @ rotation.T, p.point_across, p.point_along)
+        return linear_drag(points, p.current, still, still).force
 
     def outline(self) -> tuple[Array, Array]:
         """Axes (n, 2, 3) of members and their radii (n,) in axes of the platform, for pictures [m].

@@ -147,6 +147,15 @@ class SeaState(WaveRecord):
                 f"SeaState.high_cutoff must be at least two components above low_cutoff {self.low_cutoff:g}, "
                 f"got {self.high_cutoff:g} rad/s"
             )
+        peak = 2.0 * math.pi / self.peak_period
+        if (
+            self.kind in ("jonswap", "pierson_moskowitz")
+            and not 0.98 * self.low_cutoff < peak < 1.02 * self.high_cutoff
+        ):
+            raise InflowError(
+                f"SeaState.peak_period must lie between the cut-offs, {2.0 * math.pi / self.high_cutoff:.3g} to "
+                f"{2.0 * math.pi / self.low_cutoff:.3g} s, or most waves were left out; got {self.peak_period:g} s"
+            )
         if self.peak_factor is not None and self.kind != "jonswap":
             raise InflowError(f"SeaState.peak_factor must be None for kind {self.kind!r}, got {self.peak_factor:g}")
 

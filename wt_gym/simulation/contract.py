@@ -219,6 +219,8 @@ class DrivenSimulator:
         platform = np.asarray(platform, dtype=float)
         if self.turbine.floater is None or platform.shape != (12,) or not np.isfinite(platform).all():
             raise ActionError(f"platform must be 12 finite numbers of a turbine that floats, got {platform!r:.100}")
+        if np.abs(platform[3:6]).max() > 1.0:
+            raise ActionError(f"angles of platform must be from -1 to 1 rad, got {platform[3:6].tolist()}")
         return platform * np.tile(REFLECTION_6, 2) if self.mirrored else platform
 
     def _steps_in(self, duration: float, **demands: float) -> int:

@@ -46,6 +46,7 @@ from wt_gym.base.errors import SimulationError, did_you_mean
 from wt_gym.base.quantities import GRAVITY, Array
 from wt_gym.hydrodynamics.loads import NearLoads
 from wt_gym.hydrodynamics.waves import WaveComponents
+from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.channels import MOTIONS, channel_table
 from wt_gym.simulation.contract import SimulatorState
@@ -156,7 +157,10 @@ def linearize(  # noqa: PLR0913
         if rotor_speed is None:
             return _present(plant, simulator)
         angle, felt = 0.0 if pitch is None else pitch, -yaw if simulator.mirrored else yaw
-        return trim_plant(plant, rotor_speed, angle, felt, generator_torque, azimuth, n_azimuths)
+        try:
+            return trim_plant(plant, rotor_speed, angle, felt, generator_torque, azimuth, n_azimuths)
+        except MultibodyError as error:
+            raise SimulationError("no steady operating point was found: the structure diverged") from error
 
     point, wakes = find()
     if plant.meet_waves(point.states[0]):
@@ -241,7 +245,7 @@ def trim_plant(
     for _ in range(8 if plant.with_air else 1):
         wakes = [plant.new_wake(y, rotor_speed) for y in states(unknown)]
         before = unknown.copy()
-        jacobian = None
+        jacobian, last = None, np.inf
         for _ in range(25):
             r = residual(unknown)
             if jacobian is None:
@@ -250,8 +254,12 @@ def trim_plant(
             unknown = unknown + change
             if not np.all(np.isfinite(unknown)):
                 raise SimulationError("no steady operating point was found: the structure diverged")
-            if (np.abs(change) * reach).max() < 1e-7:
+            size = (np.abs(change) * reach).max()
+            if size < 1e-7:
                 break
+            if size > 0.5 * last:  # blades or lines of a floater that have moved far have other slopes
+                jacobian = None
+            last = size
         else:
             raise SimulationError("no steady operating point was found: Newton's iteration did not converge")
         if (np.abs(unknown - before) * reach).max() < 1e-4:
@@ -731,7 +739,9 @@ class FrozenPlant:
         return self.work.r[hub].copy(), self.work.rot[hub, :, 0].copy()
 
     def _angle(self, y: Array) -> float:
-        return float(y[self.structure.azimuth_q] + y[self.system.index(self.structure.hub, "joint_q")])
+        s = self.structure  # a rigid shaft has no angle of its own: its index is that of the next coordinate
+        twist = y[self.system.index(s.hub, "joint_q")] if s.shaft_flexible else 0.0
+        return float(y[s.azimuth_q] + twist)
 
     def _wind_at_blades(self, slowing: Array) -> Array:
         """Undisturbed wind at the lattice nodes, with the blocking of the tower in a wind changed by ``slowing``."""

@@ -34,12 +34,15 @@ ENDINGS = (".nc", ".outb", ".csv")
 _OPENFAST_UNITS = {
     "s": (1.0, "s"), "m": (1.0, "m"), "m/s": (1.0, "m/s"), "rad": (180.0 / math.pi, "deg"),
     "rad/s": (30.0 / math.pi, "rpm"), "N": (1e-3, "kN"), "N m": (1e-3, "kN-m"), "W": (1e-3, "kW"),
+    "m/s^2": (1.0, "m/s^2"), "rad/s^2": (180.0 / math.pi, "deg/s^2"),
 }  # fmt: skip
 """Factor and unit of ElastoDyn's and ServoDyn's outputs by the SI unit."""
 _OTHER_UNITS = {
     "YawVzn": (180.0 / math.pi, "deg/s"), "RtAeroPwr": (1.0, "W"), "RtAeroMxh": (1.0, "N-m"), "RtAeroFxh": (1.0, "N"),
+    **dict.fromkeys(("PtfmRVxi", "PtfmRVyi", "PtfmRVzi"), (180.0 / math.pi, "deg/s")),
+    **dict.fromkeys(("FairTen", "AnchTen"), (1.0, "N")),
 }  # fmt: skip
-"""Factor and unit of outputs in other units: a rate of an angle, and those of AeroDyn."""
+"""Factor and unit of outputs in other units, without their number: rates of angles, those of AeroDyn and MoorDyn."""
 _FORMAT, _NAME_LENGTH = 4, 20
 """OpenFAST's ``FileFmtID_ChanLen_In``: 16-bit numbers at even times, with the length of names before all else."""
 _COUNTS, _DIGITS = 65_000.0, 2.0**23
@@ -104,7 +107,7 @@ def _outb(data: xr.Dataset) -> bytes:
     names, units, table = ["Time"], ["(s)"], []
     for variable in data.data_vars.values():
         if name := variable.attrs.get("openfast_name"):
-            factor, unit = _OTHER_UNITS.get(name) or _OPENFAST_UNITS[variable.attrs["units"]]
+            factor, unit = _OTHER_UNITS.get(name.rstrip("0123456789")) or _OPENFAST_UNITS[variable.attrs["units"]]
             names.append(name)
             units.append(f"({unit})")
             table.append(factor * variable.values)
