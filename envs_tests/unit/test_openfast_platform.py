@@ -281,7 +281,7 @@ def test_waves_are_components_of_seastate(oc4, tmp_path):
     """Frequencies are multiples of 2 pi / WaveTMax, which is no shorter than the run."""
     sea = SeaState("jonswap", 4.0, 10.0, direction=0.5, current=(0.3, -0.4)).components(np.random.default_rng(1), 200.0)
     text = write_sea(oc4.floater, sea, 700.0, tmp_path).read_text()
-    keys = ("WaveMod", "WaveTMax", "CurrDIV", "CurrDIDir")
+    keys = ("WaveMod", "WaveTMax", "CurrDIV", "CurrDIDir", "CurrSSDir")  # no default, which still water has not
     number = {key: float(re.search(rf"(?m)^(\S+)\s+{key}\s", text)[1]) for key in keys}
     assert (number["WaveMod"], number["WaveTMax"]) == (7.0, pytest.approx(1200.0))
     assert number["CurrDIV"] == pytest.approx(0.5)
