@@ -6,6 +6,7 @@ tower is rigid. Data of OpenFAST are beside the checkout; without them those tes
 
 import io
 import lzma
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -242,6 +243,16 @@ class TestRadiation:
         slow = np.argmin(np.abs(table.frequency - 0.05))
         added = response[slow].imag / table.frequency[slow] + table.added_mass_infinite
         np.testing.assert_allclose(np.diag(added), np.diag(table.added_mass[slow]), rtol=0.02)
+
+    def test_irregular_frequencies(self, name):
+        """A pole of the panels in the added mass, as WAMIT has it of barges, leaves the flow as it is."""
+        table = load_platform(name).radiation
+        omega, clean = table.frequency, table.kernel().diagonal(axis1=1, axis2=2)
+        spurious = table.added_mass_infinite * 0.5 / (2.5301**2 - omega[:, None, None] ** 2)
+        found = replace(table, added_mass=table.added_mass + spurious).kernel().diagonal(axis1=1, axis2=2)
+        band = (omega >= 0.25) & (omega <= 1.25)
+        assert (abs(found - clean)[band].max(axis=0) < 0.03 * abs(clean).max(axis=0)).all()
+        assert abs(omega[band] * spurious[band, 2, 2]).max() > 0.3 * abs(clean[:, 2]).max()
 
     def test_steps_give_the_force_of_a_harmonic_motion(self, name):
         """After the transients, the steps give -Re K(jω) u e^{iωt}, here with small steps; yaw turns the axes."""

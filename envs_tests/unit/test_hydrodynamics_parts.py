@@ -141,7 +141,8 @@ class TestHydrostatics:
         with pytest.raises(TurbineDefinitionError, match=r"members must be a tuple of DragMember"):
             box(members=(1,))
         with pytest.raises(TurbineDefinitionError, match=r"inertia must be that of a body"):
-            box(inertia=np.diag([1.0, 1.0, 3.0]))
+            box(inertia=np.diag([1.0, 1.0, 2.01]))
+        assert box(inertia=np.diag([726.9e6, 726.9e6, 1453.9e6]))  # of a flat barge, as published
 
 
 def heeled_box(angle):

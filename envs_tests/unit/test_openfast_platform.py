@@ -209,10 +209,6 @@ def test_other_lines_are_refused(tmp_path, pattern, text, message):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            [keyword("hydrodyn.dat", "DiffQTF", 12)],
-            r"hydrodyn\.dat: DiffQTF must be 0: no forces of second order, got 12",
-        ),
         ([keyword("hydrodyn.dat", "NBody", 2)], "NBody must be 1: one body in potential flow, got 2"),
         ([keyword("hydrodyn.dat", "PotMod", 0)], "PotMod must be 1"),
         ([keyword("hydrodyn.dat", "NMGDepths", 3)], "NMGDepths must be 0"),
@@ -232,6 +228,14 @@ def test_other_lines_are_refused(tmp_path, pattern, text, message):
 def test_what_is_not_modeled_is_refused(files, tmp_path, changes, message):
     with pytest.raises(TurbineDefinitionError, match=message):
         written(files, tmp_path, *changes)
+
+
+def test_second_order_is_left_aside_with_a_note(files, oc4, tmp_path):
+    changes = [keyword("hydrodyn.dat", key, value) for key, value in (("DiffQTF", 12), ("ExctnMod", 0))]
+    assert written(files, tmp_path, *changes).mass == pytest.approx(oc4.floater.mass)
+    read_openfast_platform(model := Model(tmp_path / "turbine.fst"))
+    assert "hydrodyn.dat: left aside: DiffQTF 12; wave forces are of first order" in model.notes
+    assert any("ExctnMod 0" in note for note in model.notes)
 
 
 def test_fixed_platforms_stand_on_the_ground(files, tmp_path):
@@ -277,7 +281,7 @@ def test_waves_are_components_of_seastate(oc4, tmp_path):
     """Frequencies are multiples of 2 pi / WaveTMax, which is no shorter than the run."""
     sea = SeaState("jonswap", 4.0, 10.0, direction=0.5, current=(0.3, -0.4)).components(np.random.default_rng(1), 200.0)
     text = write_sea(oc4.floater, sea, 700.0, tmp_path).read_text()
-    keys = ("WaveMod", "WaveTMax", "CurrDIV", "CurrDIDir")
+    keys = ("WaveMod", "WaveTMax", "CurrDIV", "CurrDIDir", "CurrSSDir")  # no default, which still water has not
     number = {key: float(re.search(rf"(?m)^(\S+)\s+{key}\s", text)[1]) for key in keys}
     assert (number["WaveMod"], number["WaveTMax"]) == (7.0, pytest.approx(1200.0))
     assert number["CurrDIV"] == pytest.approx(0.5)

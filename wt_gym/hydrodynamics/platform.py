@@ -76,7 +76,7 @@ class Platform(Record):
         if not np.allclose(self.inertia, self.inertia.T, atol=1e-9 * np.abs(self.inertia).max()):
             raise fail("Platform.inertia", self.inertia, "symmetric")
         least, middle, largest = np.linalg.eigvalsh(self.inertia)
-        if least <= 0.0 or least + middle < largest * (1.0 - 1e-6):
+        if least <= 0.0 or least + middle < largest * (1.0 - 1e-3):
             raise fail("Platform.inertia", [least, middle, largest], "that of a body: no moment above the other two")
         if not np.allclose(self.hydrostatic, self.hydrostatic.T, atol=1e-6 * np.abs(self.hydrostatic).max()):
             raise fail("Platform.hydrostatic", self.hydrostatic, "symmetric")

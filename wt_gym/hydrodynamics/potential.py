@@ -25,6 +25,8 @@ ORDER = 10
 _COUPLED = 1e-3  # least coupling that counts, of the peaks of both motions
 _PASSIVE = 0.005, 300.0  # range in which the least eigenvalue of Re K is not negative [rad/s]
 _MARGIN = 2e-5  # least eigenvalue over the peak, at 1 rad/s
+_IRREGULAR = 3.0  # imaginary part over damping; both have peaks of one size where the flow has them
+_TIMES = 6  # of the impulse response in half a period of the highest frequency
 _CUTS = 15  # steps of the search for it
 _LEAST_DAMPED = 0.03  # least damping ratio of a pole
 _LOW, _HIGH = (
@@ -55,11 +57,24 @@ class RadiationTable(Record):
         """Return K(jω) = B(ω) + jω (A(ω) - A(∞)), shape (frequency, 6, 6), made symmetric.
 
         It is the transform of the impulse response of the radiation (T. F. Ogilvie, 5th Symposium on Naval
-        Hydrodynamics, 1964).
+        Hydrodynamics, 1964). Panels have irregular frequencies, about which the added mass is not that of any flow: of
+        motions with a larger imaginary part than a causal response can have, A follows from the damping B.
         """
         omega = self.frequency[:, None, None]
-        k = self.damping + 1j * omega * (self.added_mass - self.added_mass_infinite)
+        inertia = omega * (self.added_mass - self.added_mass_infinite)
+        real, imaginary = (np.abs(np.einsum("kii->ki", part)).max(axis=0) for part in (self.damping, inertia))
+        if np.any(irregular := imaginary > _IRREGULAR * real):
+            inertia = np.where(irregular[:, None] | irregular, self._causal(), inertia)
+        k = self.damping + 1j * inertia
         return np.asarray(0.5 * (k + np.swapaxes(k, 1, 2)), np.complex128)
+
+    def _causal(self) -> Array:
+        """Imaginary part of the transform of the impulse response 2/π ∫ B cos(ωt) dω, which the damping has."""
+        omega, gap = self.frequency, np.diff(self.frequency)
+        time = np.linspace(0.0, np.pi / gap.max(), int(_TIMES * omega[-1] / gap.max()) + 2)
+        share = 0.5 * (np.append(gap, 0.0) + np.append(0.0, gap))
+        impulse = np.tensordot(np.cos(np.outer(time, omega)) * share, self.damping, 1)
+        return np.asarray(-2.0 / np.pi * time[1] * np.tensordot(np.sin(np.outer(omega, time)), impulse, 1))
 
 
 class _HeadingTable(Record):

@@ -32,11 +32,12 @@ _REQUIRED: tuple[tuple[str, tuple[int, ...], str], ...] = (
     ("ExctnMod", (0, 1, 2), "0, 1 or 2"),
     ("NBody", (1,), "1: one body in potential flow"),
     ("NAddDOF", (0,), "0: a rigid body"),
-    *((key, (0,), "0: no forces of second order") for key in ("MnDrift", "NewmanApp", "DiffQTF", "SumQTF")),
     *((f"PtfmRef{axis}", (0,), "0: tables about the origin") for axis in ("xt", "yt", "zt", "ztRot")),
     ("NMGDepths", (0,), "0: marine growth is not modeled"),
 )  # fmt: skip
-_LEFT_ASIDE = ("ExctnDisp", "PtfmYMod", "WaveDisp", "AMMod")
+_LEFT_ASIDE = dict.fromkeys(
+    ("ExctnDisp", "PtfmYMod", "WaveDisp", "AMMod"), "loads are those at the mean position"
+) | dict.fromkeys(("MnDrift", "NewmanApp", "DiffQTF", "SumQTF"), "wave forces are of first order")
 
 
 def floats(model: Model) -> bool:
@@ -56,8 +57,8 @@ def read_openfast_platform(model: Model) -> Platform | None:
     Raises
     ------
     TurbineDefinitionError
-        Naming file and keyword of what is not modeled: forces of second order, members without potential flow, several
-        bodies, bodies, rods and free points of mooring lines, and values that are missing or out of range.
+        Naming file and keyword of what is not modeled: members without potential flow, several bodies, bodies, rods and
+        free points of mooring lines, and values that are missing or out of range.
     """
     if not floats(model):
         return None
@@ -74,9 +75,11 @@ def read_openfast_platform(model: Model) -> Platform | None:
     for key, allowed, words in _REQUIRED:
         if key in file and file.integer(key) not in allowed:
             raise file.fail(key, file.integer(key), words)
-    for key in _LEFT_ASIDE:
+    for key, words in _LEFT_ASIDE.items():
         if key in file and file.integer(key) != 0:
-            model.note(f"left aside: {key} {file.text(key)}; loads are those at the mean position", file)
+            model.note(f"left aside: {key} {file.text(key)}; {words}", file)
+    if file.integer("ExctnMod", 1) == 0:
+        model.note("left aside: ExctnMod 0; waves have the forces of the table .3 here", file)
     density, depth = _water(model, file, "WtrDens"), _water(model, file, "WtrDpth")
     if (level := _water(model, file, "MSL2SWL", 0.0)) != 0.0:
         raise primary.fail("MSL2SWL", level, "0: still water at mean sea level")
