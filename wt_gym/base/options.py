@@ -34,8 +34,6 @@ Other annotations are not checked here but by the ``check`` of the option, a fun
 raises a `ValueError` without the name of the option, or by `Options.check`, which sees all fields together.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math
