@@ -39,6 +39,7 @@ import json
 import math
 import numbers
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
@@ -385,7 +386,7 @@ def _declared(cls: Any) -> tuple[Option, ...]:
     for one in fields(cls):
         if _KEY in one.metadata:
             said: Option = one.metadata[_KEY]
-            text = one.type.__name__ if isinstance(one.type, type) else str(one.type)
+            text = one.type.__name__ if isinstance(one.type, type) else re.sub(r"(\w+\.)+(?=\w)", "", str(one.type))
             annotation, kind = text.replace(" ", ""), said.kind or _kind_text(text, said)
             values = said.__dict__ | {
                 "name": one.name, "flat": said.flat or f"{cls.prefix}{one.name}", "kind": kind,
