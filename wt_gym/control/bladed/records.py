@@ -59,8 +59,8 @@ class Record:
 def _read_records() -> tuple[Record, ...]:
     """Records of the file."""
     with Path(__file__).with_name("records.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    return tuple(Record(**row | {"numbers": tuple(map(int, row["numbers"].split()))}) for row in rows)
+        rows = list(csv.reader(file))[1:]
+    return tuple(Record(tuple(map(int, numbers.split())), *words) for numbers, *words in rows)
 
 
 RECORDS = _read_records()
