@@ -4,8 +4,6 @@ A page says where: ``<!-- generated: channels -->`` on a line of its own becomes
 `PARTS` returns, Markdown. Words after a name are its arguments.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What controllers and agents add to a PI controller of the pitch and a torque curve, from the records of the tasks."""
 
-from __future__ import annotations
-
 import fault_study
 import numpy as np
 from dial_front import covered

@@ -1,7 +1,5 @@
 """Commands and their options, from the parsers themselves."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import textwrap

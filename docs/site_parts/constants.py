@@ -1,7 +1,5 @@
 """Constants of the public modules, which autodoc does not see where they are imported from elsewhere."""
 
-from __future__ import annotations
-
 import inspect
 import sys
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Ids and the manual of the environment, from its registration, its docstring and its layout."""
 
-from __future__ import annotations
-
 import inspect
 
 import gymnasium as gym

@@ -1,7 +1,5 @@
 """Channels, turbines, controllers, fidelities and options of the lattice."""
 
-from __future__ import annotations
-
 from site_parts.markdown import meaning, table, value
 from wt_gym.aerodynamics import AeroOptions
 from wt_gym.base.options import options_of

@@ -3,8 +3,6 @@
 ``docs/data/studies.json`` has tables that no script of ``scripts/studies`` makes; all others are made from their runs.
 """
 
-from __future__ import annotations
-
 import re
 
 import ceiling

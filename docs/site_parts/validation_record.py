@@ -1,7 +1,5 @@
 """Tables of the validation cases, from the record of their last runs."""
 
-from __future__ import annotations
-
 import json
 import textwrap
 from pathlib import Path

@@ -130,57 +130,14 @@ def test_members_that_taper_and_preload(files, tmp_path):
     assert platform.center_of_buoyancy[0] * platform.displaced_volume == pytest.approx(2.0 * 1e6 / weight)
 
 
-MAP = """---- LINE DICTIONARY ----
-LineType Diam MassDenInAir EA CB CIntDamp Ca Cdn Cdt
-(-) (m) (kg/m) (N) (-) (Pa-s) (-) (-) (-)
-chain 0.1 120.0 7e8 0.5 0 0 0 0
----- NODE PROPERTIES ----
-Node Type X Y Z M B FX FY FZ
-(-) (-) (m) (m) (m) (kg) (m^3) (N) (N) (N)
-1 fix 400.0 0.0 depth 0 0 # # #
-2 Vessel 20.0 0.0 -10.0 0 0 # # #
----- LINE PROPERTIES ----
-Line LineType UnstrLen NodeAnch NodeFair Flags
-(-) (-) (m) (-) (-) (-)
-1 chain 430.0 1 2 tension_fair
----- SOLVER OPTIONS----
-Option
-(-)
-repeat 90
-"""
-MOORDYN = """--------------------- MoorDyn v1 ---
-remark
----------------------- LINE TYPES -----
-1 NTypes - number
-LineType Diam MassDen EA BA/-zeta Can Cat Cdn Cdt
-(-) (m) (kg/m) (N) (-) (-) (-) (-) (-)
-chain 0.1 120.0 7e8 -0.8 1 0 1 0
----------------------- CONNECTION PROPERTIES -----
-2 NConnects
-Node Type X Y Z M V FX FY FZ CdA CA
-(-) (-) (m) (m) (m) (kg) (m^3) (kN) (kN) (kN) (m^2) (-)
-1 Fixed 400.0 0.0 -150.0 0 0 0 0 0 0 0
-2 Vessel 20.0 0.0 -10.0 0 0 0 0 0 0 0
----------------------- LINE PROPERTIES -----
-1 NLines
-Line LineType UnstrLen NumSegs NodeAnch NodeFair Outputs
-(-) (-) (m) (-) (-) (-) (-)
-1 chain 430.0 20 1 2 p
----------------------- SOLVER OPTIONS -----
-0.001 dtM
-0.5 MU_KT
----------------------- OUTPUTS -----
-FairTen1
-END
-"""
+DATA = Path(__file__).with_name("data")
+MOORDYN = (DATA / "moordyn.dat").read_text()
 
 
-def test_lines_of_map_and_moordyn(tmp_path):
+def test_lines_of_map_and_moordyn():
     """Both forms describe one line; MAP++ repeats it a quarter of a turn further."""
-    for name, text in (("map.dat", MAP), ("moordyn.dat", MOORDYN)):
-        (tmp_path / name).write_text(text)
-    first, second = read_mooring(tmp_path / "map.dat", 150.0)
-    assert read_mooring(tmp_path / "moordyn.dat", 150.0) == (first,)
+    first, second = read_mooring(DATA / "map.dat", 150.0)
+    assert read_mooring(DATA / "moordyn.dat", 150.0) == (first,)
     assert (first.length, first.mass_per_length, first.diameter, first.axial_stiffness) == (430.0, 120.0, 0.1, 7e8)
     assert first.seabed_friction == 0.5
     np.testing.assert_allclose(second.anchor, [0.0, 400.0, -150.0], atol=1e-9)

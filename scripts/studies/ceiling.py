@@ -6,8 +6,6 @@ Writes wt_gym/experiment/benchmark_data/ceilings/NAME.json. `make_ceiling` ident
 and learns offsets in the winds of the task (`ceiling_oracle`). Every run is stored.
 """
 
-from __future__ import annotations
-
 import datetime
 import json
 import sys

@@ -14,9 +14,11 @@ import math
 import re
 import sys
 import time
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +64,6 @@ RECORD = DATA / "task_scores.json"
 RANDOM = "random"
 """Word for even draws of the actions."""
 _TRAINED = "agents/trained/"
-_BASE = "discon+side_side_damper+observer"
 _DASH = "–"
 _NOT_IN_NAMES = re.compile(r"[^\w.+=-]+")
 
@@ -108,9 +109,19 @@ class Study:
         return TASKS[self.task].id
 
 
-def _winds(speeds: Iterable[float], n_seeds: int) -> tuple[Wind, ...]:
+STORM_CONTROLLER = "linear_optimal+supervisor:averaging=60,least_speed=1,least_power=1"
+"""Controller of FullOperation that holds rated speed and power up to a cut-out at 30 m/s."""
+_SHORT = (
+    "corrected_power", "blade_flap_del", "tower_fore_aft_del", "pitch_travel", "tracking_rms", "yaw_error_rms",
+    "yaw_travel", "blade_flap_max", "tower_base_max", "rotor_speed_max",
+)  # fmt: skip
+"""Columns of the table of a page, in which there is room for four."""
+_ROWS = 8
+
+
+def _winds(speeds: Iterable[float], seeds: int) -> tuple[Wind, ...]:
     """Each speed with each of some held-out seeds, in the order in which ``wt-gym evaluate`` takes them."""
-    return tuple(Wind(speed, seed) for speed in speeds for seed in EVALUATION_WIND_SEEDS[:n_seeds])
+    return tuple(Wind(speed, seed) for speed in speeds for seed in EVALUATION_WIND_SEEDS[:seeds])
 
 
 def _gusts(kind: str, speeds: Iterable[float], draws: int) -> Part:
@@ -124,158 +135,35 @@ def _gusts(kind: str, speeds: Iterable[float], draws: int) -> Part:
     return Part(winds, kind, {"gusts": (kind,)})
 
 
-_ENERGY = Column("corrected_power", "mean power", "total")
-_FLAP, _FORE_AFT, _SIDE = (
-    Column(f"{name}_del", f"{label} DEL", "change")
-    for name, label in (("blade_flap", "flap"), ("tower_fore_aft", "fore-aft"), ("tower_side_side", "side-side"))
-)
-_TRAVEL = Column("pitch_travel", "pitch travel", "level")
-_FLOATING = (_FORE_AFT, _FLAP, Column("platform_pitch_std", "platform pitch, standard deviation", "change"))
-_LOADS = (_ENERGY, _FLAP, _FORE_AFT, _SIDE, _TRAVEL)
-_EXTREMES = (
-    Column("blade_flap_max", "largest flap moment", "most"),
-    Column("tower_base_max", "of the tower base", "most"),
-)
-_HARD = "cut_out=25,least_speed=1,least_power=1,hysteresis=1"
-"""Parameters of a supervisor that stops the NREL 5-MW at its cut-out wind and does not hold it back before."""
-STORM_CONTROLLER = "linear_optimal+supervisor:averaging=60,least_speed=1,least_power=1"
-"""Controller of FullOperation that holds rated speed and power up to a cut-out at 30 m/s."""
-_PROMPT = "discon+yaw:dead_band=0.14,stop=0.1,slow=10,fast=2"
-"""Dead band that starts earlier and turns less far, with the travel of the default."""
-_SHORT = (
-    "corrected_power", "blade_flap_del", "tower_fore_aft_del", "pitch_travel", "tracking_rms", "yaw_error_rms",
-    "yaw_travel", "blade_flap_max", "tower_base_max", "rotor_speed_max",
-)  # fmt: skip
-"""Columns of the table of a page, in which there is room for four."""
-_ROWS = 8
-_LIFE = tuple(Column(c.key, c.heading + " over a life", "life") for c in (_FLAP, _FORE_AFT, _SIDE))
+def _parts(winds: dict[str, Any]) -> tuple[Part, ...]:
+    """Winds of a study: of each kind of gust, of each kind of fault, of consecutive seeds, or of held-out seeds."""
+    speeds = winds["speeds"]
+    if "gusts" in winds:
+        return tuple(_gusts(kind, speeds, winds["gusts"]) for kind in GUSTS)
+    if "fault_time" in winds:
+        return tuple(
+            Part(_winds([speed], 1), kind, STEADY | {"fault_kinds": kind, "fault_time": winds["fault_time"]})
+            for kind, speed in zip(FAULT_KINDS, cycle(speeds), strict=False)
+        )
+    if "first_seed" in winds:
+        drawn = tuple(Wind(speed, winds["first_seed"] + k) for k, speed in enumerate(speeds))
+    else:
+        drawn = _winds(speeds, winds["seeds"])
+    return (Part(drawn, arguments=(STEADY if winds.get("steady") else {}) | winds.get("arguments", {})),)
 
-STUDIES: dict[str, Study] = {
-    "LoadReduction": Study(
-        "LoadReduction",
-        (_BASE, "discon", RANDOM, "ipc", "constrained_ipc+tower_dampers", "tuned_lidar", "linear_optimal",
-         f"{_TRAINED}load_reduction"),
-        (Part(_winds((12.0, 16.0, 20.0), 2)),),
-        _LOADS,
-    ),
-    "FullRange": Study(
-        "FullRange",
-        (_BASE, "discon", RANDOM, "retuned+ipc+tower_dampers", "retuned+constrained_ipc+tower_dampers",
-         "retuned+linear_optimal", f"{_TRAINED}full_range"),
-        (Part(_winds((6.0, 10.0, 14.0, 18.0, 22.0), 2), arguments=STEADY),),
-        (_ENERGY, *_LIFE, _TRAVEL),
-    ),
-    "MaxPower": Study(
-        "MaxPower",
-        ("discon", RANDOM, "retuned", "tsr_tracking"),
-        (Part(_winds((6.0, 8.0, 10.0), 2)),),
-        (_ENERGY, _FLAP, _FORE_AFT, _SIDE),
-    ),
-    "Yaw": Study(
-        "Yaw",
-        ("discon+yaw", RANDOM, "discon", "discon+yaw:dead_band=0.07", "discon+yaw:dead_band=0.21", _PROMPT),
-        (Part(_winds((7.0, 9.0, 11.0, 13.0), 1), arguments=STEADY),),
-        (_ENERGY, Column("yaw_error_rms", "yaw error, rms", "level"), Column("yaw_travel", "yaw travel", "level")),
-        duration=630.0,
-        arguments={"discon": {"observation": ("measurable",)}},  # it has no dead band to see
-    ),
-    "Gusts": Study(
-        "Gusts",
-        ("discon", RANDOM, "ipc", "linear_optimal", "tsr_tracking+linear_pitch:thrust_limit=0.95"),
-        tuple(_gusts(kind, (8.0, 14.0, 20.0), 6) for kind in GUSTS),
-        (Column("blade_flap_max", "largest flap moment", "most"), Column("tower_base_max", "of the tower base", "most"),
-         Column("rotor_speed_max", "largest rotor speed", "most")),
-        duration=40.0,
-        skip=5.0,  # the earliest gust begins then
-    ),
-    "IEA15MW-LoadReduction": Study(
-        "IEA15MW-LoadReduction",
-        (_BASE, "discon", RANDOM, "ipc", "tsr_tracking", "linear_optimal", f"{_TRAINED}iea15mw"),
-        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
-        _LOADS,
-    ),
-    "IEA15MW-LoadReduction below its range": Study(
-        "IEA15MW-LoadReduction",
-        ("discon", "tsr_tracking"),
-        (Part(_winds((4.0, 5.0, 6.0), 1), arguments=STEADY | {"wind_speed": [4.0, 6.0]}),),
-        (_ENERGY, Column("rotor_speed_mean", "rotor speed, mean", "level"), _FLAP, _FORE_AFT),
-    ),
-    "IEA22MW-LoadReduction": Study(
-        "IEA22MW-LoadReduction",
-        (_BASE, "discon", RANDOM, "ipc", "linear_optimal", f"{_TRAINED}iea22mw"),
-        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
-        _LOADS,
-        duration=180.0,
-    ),
-    "FullOperation": Study(
-        "FullOperation",
-        ("discon+supervisor:averaging=60", RANDOM, f"discon+supervisor:averaging=60,{_HARD}",
-         "linear_optimal+supervisor:averaging=60", STORM_CONTROLLER,
-         "rosco+supervisor:averaging=60", "rosco:start_stop=True,time_scale=0.1"),
-        (Part(tuple(Wind(speed, 1001 + k) for k, speed in enumerate((2.0, 10.0, 18.0, 26.0))),
-              arguments=STEADY),),
-        (_ENERGY, _FLAP, _FORE_AFT, _SIDE, *_EXTREMES, Column("time_without_power", "time without power", "level")),
-        duration=600.0,
-        skip=0.0,
-    ),
-    "FullOperation in storm": Study(
-        "FullOperation",
-        ("discon+supervisor:averaging=60", f"discon+supervisor:averaging=60,{_HARD}",
-         "linear_optimal+supervisor:averaging=60", STORM_CONTROLLER),
-        (Part(_winds((20.0, 22.0, 24.0, 26.0, 28.0), 1),
-              arguments=STEADY | {"inflow": "turbulent", "wind_speed": [20.0, 28.0]}),),
-        (Column("corrected_power", "mean power in the climate", "climate"), *_LIFE, *_EXTREMES,
-         Column("time_without_power", "time without power", "level")),
-        duration=660.0,
-        skip=60.0,
-    ),
-    "PowerTracking": Study(
-        "PowerTracking",
-        ("discon+derate_kinetic+side_side_damper+observer", "discon+derate_kinetic", RANDOM, "discon+derate_torque",
-         "discon+derate_speed", "discon+derate_pitch",
-         "ipc+derate_kinetic", "linear_optimal+derate_kinetic", f"{_TRAINED}power_tracking"),
-        (Part(_winds((13.0, 16.0), 2), arguments=STEADY),),
-        (Column("tracking_rms", "error, rms", "level"), Column("tracking_mean", "error, mean size", "level"),
-         Column("saturated_share", "saturated", "level"), Column("demanded_energy", "energy over demanded", "level"),
-         _FLAP, _FORE_AFT, _SIDE, _TRAVEL),
-        duration=150.0,
-    ),
-    "OC4-FloatingLoadReduction": Study(
-        "OC4-FloatingLoadReduction",
-        ("discon", "discon:constant_power=True", "discon:land_gains=True", "floating:land_gains=True",
-         "floating:share=8.0", "rosco:floating=2", "linear_optimal", RANDOM),
-        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
-        _FLOATING,
-        duration=690.0,
-        skip=90.0,
-    ),
-    "VolturnUS-FloatingLoadReduction": Study(
-        "VolturnUS-FloatingLoadReduction",
-        ("discon", "floating", "rosco:floating=2", RANDOM),
-        (Part(_winds((12.0, 18.0), 2), arguments=STEADY),),
-        _FLOATING,
-        duration=390.0,
-        skip=90.0,
-    ),
-    "Dial": Study(
-        "Dial",
-        (_BASE, "discon", RANDOM, "linear_optimal", f"{_TRAINED}dial"),
-        (Part(_winds((14.0, 18.0), 2), arguments=STEADY),),
-        _LOADS,
-        duration=90.0,
-    ),
-    "Faults": Study(
-        "Faults",
-        (f"{_BASE}+yaw", "discon+yaw", RANDOM, "ipc+yaw", "ipc+yaw+fault_supervisor",
-         "linear_optimal+yaw+fault_supervisor",
-         f"{_TRAINED}faults"),
-        tuple(Part(_winds(((14.0, 18.0)[k % 2],), 1), kind,
-                   STEADY | {"fault_kinds": kind, "fault_time": 20.0})
-              for k, kind in enumerate(FAULT_KINDS)),
-        _LOADS,
-        duration=110.0,
-    ),
-}  # fmt: skip
+
+def _read_studies(path: Path) -> dict[str, Study]:
+    """Studies of the file, by the name of the table."""
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    columns, studies = tables.pop("columns"), {}
+    for name, table in tables.items():
+        shown = tuple(Column(*columns[key]) for key in table.pop("columns"))
+        agents, parts = tuple(table.pop("agents")), _parts(table.pop("winds"))
+        studies[name] = Study(table.pop("task", name), agents, parts, shown, **table)
+    return studies
+
+
+STUDIES = _read_studies(Path(__file__).with_suffix(".toml"))
 """What docs/studies/tasks.md and in short the pages of the tasks show, by the name of the table."""
 
 

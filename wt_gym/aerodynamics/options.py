@@ -1,7 +1,5 @@
 """Choices of the vortex-lattice solver, with the measured error of the presets' wakes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -169,7 +167,7 @@ class AeroOptions(Options):
                 f"AeroOptions.sparse_stride must be a multiple of coarse_stride, {self.coarse_stride}, got {stride}"
             )
 
-    def for_step(self, step_deg: float) -> AeroOptions:
+    def for_step(self, step_deg: float) -> "AeroOptions":
         """Options for a step that turns the rotor by another angle than the recommended one.
 
         What makes a thinned wake right is how far its rows lie apart and how many turns they reach, not how many steps

@@ -1,7 +1,5 @@
 """The unsteady vortex-lattice method: blades on their camber surfaces, free wake, loads."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from itertools import pairwise
@@ -109,7 +107,7 @@ class SplitInduction:
         At least 1.
     """
 
-    def __init__(self, lattice: VortexLattice, threads: int) -> None:
+    def __init__(self, lattice: "VortexLattice", threads: int) -> None:
         o, w = lattice.options, lattice.work
         self._lattice, self._work, self.threads = lattice, w, threads
         n_row, n_blade, n_node, _ = w.wake_sheet.shape

@@ -1,7 +1,5 @@
 """Results of an evaluation: runs of agents in winds and the shapes of their last seconds, on disk and read back."""
 
-from __future__ import annotations
-
 import json
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -60,7 +58,7 @@ class Replay:
         write_whole(path, lambda file: np.savez_compressed(file, **shapes))
 
     @classmethod
-    def load(cls, path: Path) -> Replay:
+    def load(cls, path: Path) -> "Replay":
         """Read what `save` wrote."""
         with np.load(path) as arrays:
             return cls(**{f.name: arrays[f.name] for f in fields(cls)})
@@ -201,7 +199,7 @@ class Run:
         write_netcdf_whole(path, self.data.assign_attrs(run=json.dumps(self.to_json())))
 
     @classmethod
-    def load(cls, path: Path) -> Run:
+    def load(cls, path: Path) -> "Run":
         """Read what `save` wrote; `ValueError` where the file holds no run."""
         data = xr.load_dataset(path, engine="h5netcdf")
         if "run" not in data.attrs:
@@ -350,7 +348,7 @@ class Evaluation:
         return path
 
     @classmethod
-    def load(cls, folder: str | Path) -> Evaluation:
+    def load(cls, folder: str | Path) -> "Evaluation":
         """Read what `save` wrote; `FileNotFoundError` where the folder holds no evaluation."""
         folder = Path(folder)
         table = json.loads((folder / TABLE_FILE).read_text(encoding="utf-8"))

@@ -34,13 +34,12 @@ Other annotations are not checked here but by the ``check`` of the option, a fun
 raises a `ValueError` without the name of the option, or by `Options.check`, which sees all fields together.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math
 import numbers
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
@@ -387,7 +386,7 @@ def _declared(cls: Any) -> tuple[Option, ...]:
     for one in fields(cls):
         if _KEY in one.metadata:
             said: Option = one.metadata[_KEY]
-            text = one.type.__name__ if isinstance(one.type, type) else str(one.type)
+            text = one.type.__name__ if isinstance(one.type, type) else re.sub(r"(\w+\.)+(?=\w)", "", str(one.type))
             annotation, kind = text.replace(" ", ""), said.kind or _kind_text(text, said)
             values = said.__dict__ | {
                 "name": one.name, "flat": said.flat or f"{cls.prefix}{one.name}", "kind": kind,

@@ -7,8 +7,6 @@ are those published with a turbine (`wt_gym.turbines.ControlData`), or follow fr
 the published constants of the NREL 5-MW.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass, replace
@@ -89,7 +87,7 @@ class TorqueCurve:
         return self.slope_25 * (speed - self.slip_synchronous_speed)
 
     @classmethod
-    def from_turbine(cls, turbine: Turbine, design: DesignPoint | None = None) -> TorqueCurve:
+    def from_turbine(cls, turbine: Turbine, design: DesignPoint | None = None) -> "TorqueCurve":
         """Torque curve of a turbine by rule.
 
         The region-2 gain is ``rho pi R^5 Cp / (2 lambda^3 N^3)`` with the coned rotor radius R; region 1 1/2 ends 30 %

@@ -14,8 +14,6 @@ power. A table measured by the script goes before it: put into the folder ``roto
 (`measured_table_path`).
 """
 
-from __future__ import annotations
-
 import json
 import math
 from bisect import bisect_right
@@ -219,7 +217,7 @@ def fine_pitch(turbine: Turbine) -> float:
     return max(rotor_of(turbine).optimum[1], lowest)
 
 
-_known: dict[str, RotorTable] = {}
+_known: "dict[str, RotorTable]" = {}
 _MEASUREMENT = 2
 """Of tables in the cache; one more when `measure_rotor` or what it runs on measures anything else."""
 
@@ -237,7 +235,7 @@ class RotorTable:
     thrust: NDArray[np.float64]  #: coefficients of the force of the air along the shaft [-], shape (n, m)
     made_by: str  #: fidelity and version with which the table was measured
 
-    def __deepcopy__(self, memo: dict[int, object]) -> RotorTable:
+    def __deepcopy__(self, memo: dict[int, object]) -> "RotorTable":
         """A table never changes: copies of controllers share it."""
         return self
 
@@ -298,7 +296,7 @@ class RotorTable:
         return plain | grid | coefficients
 
     @classmethod
-    def from_json(cls, content: dict[str, Any]) -> RotorTable:
+    def from_json(cls, content: dict[str, Any]) -> "RotorTable":
         """Table of what `to_json` gave."""
         arrays: dict[str, Any] = {
             name: np.array(content[name], dtype=np.float64) for name in ("tip_speed_ratio", "power", "thrust")
@@ -311,7 +309,7 @@ class RotorTable:
         path.write_text(_text(self.to_json()) + "\n", encoding="utf-8")
 
     @classmethod
-    def load(cls, path: Path) -> RotorTable:
+    def load(cls, path: Path) -> "RotorTable":
         """Read what `save` wrote."""
         return cls.from_json(json.loads(path.read_text(encoding="utf-8")))
 

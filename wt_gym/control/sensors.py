@@ -14,8 +14,6 @@ positive psi: the right, looking downwind, of a clockwise rotor, the left of a c
 Filters are exact for an input held over each step, whatever its length.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -259,7 +257,7 @@ class Lidar:
             )
 
     @classmethod
-    def for_rotor(cls, diameter: float) -> Lidar:
+    def for_rotor(cls, diameter: float) -> "Lidar":
         """Ranges of a half, one and one and a half rotor diameters [m].
 
         They are for preview of the mean wind over the rotor; what makes tilt and yaw moments is smaller than the rotor,
@@ -280,7 +278,7 @@ class Lidar:
             return tuple(gates)
         return tuple(f"{gate}_{beam + 1}" for gate in gates for beam in range(self.n_beams))
 
-    def serves(self, other: Lidar) -> bool:
+    def serves(self, other: "Lidar") -> bool:
         """Whether its readings, or their means over the beams of a gate, are those of another lidar."""
         return other in (self, replace(self, apart=False))
 

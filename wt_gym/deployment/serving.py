@@ -5,8 +5,6 @@
 write them for its server. `check_expressible` says which agents the interface has room for.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import re
@@ -105,7 +103,7 @@ def _environment(arguments: Mapping[str, Any]) -> WindTurbineEnv:
     return WindTurbineEnv(**(flat | _NOT_RUN))
 
 
-def _trained(name: Name, lead: float | None) -> ServedAgent:
+def _trained(name: Name, lead: float | None) -> "ServedAgent":
     from wt_gym.experiment.trained_agent import model_card  # torch takes seconds to import
 
     agent = load_model(name)

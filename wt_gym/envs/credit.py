@@ -17,10 +17,8 @@ effects beyond its end: without a discount no policy gains by them (Ng, Harada, 
 the differences either, on purpose: a learner that discounts sees the whole effect of its action all the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +28,10 @@ from wt_gym.control.controllers import Controller
 from wt_gym.control.controllers.linear_optimal import LinearDesign, LoadObserver, linear_part, side_sign
 from wt_gym.envs.credit_kernels import effect_to_come
 from wt_gym.envs.fatigue import LOADS, BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue
+from wt_gym.envs.operation import Operation
 from wt_gym.envs.terms import Beginning, RewardTerm, Term
+from wt_gym.envs.twin import Twin
 from wt_gym.turbines import Turbine
-
-if TYPE_CHECKING:
-    from wt_gym.envs.operation import Operation
-    from wt_gym.envs.twin import Twin
 
 FATIGUE = (BladeFatigue, TowerForeAftFatigue, TowerSideSideFatigue)
 HORIZON = 15.0

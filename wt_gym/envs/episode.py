@@ -1,14 +1,10 @@
 """An agent in an environment, from a reset to the end of the episode."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
+from typing import Any, NamedTuple, Protocol, cast
 
+import gymnasium as gym
 import numpy as np
-
-if TYPE_CHECKING:
-    import gymnasium as gym
 
 
 class Agent(Protocol):

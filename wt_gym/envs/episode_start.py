@@ -9,8 +9,6 @@ episode decides on the instant. A rotor that turns in the other sense than the r
 in the mirrored wind.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Mapping
@@ -80,7 +78,7 @@ class EpisodeStarts:
         turbine: Turbine,
         winds: WindSampler,
         terms: Mapping[str, Term],
-        running: RunningStart | None,
+        running: "RunningStart | None",
         count: int | None = None,
         starter: StartsTurbine | None = None,
     ):

@@ -20,8 +20,6 @@ Sensors feed the base controller and the agent. Faults of sensors change reading
 of what is.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The observation: options, and the observer, which measures with noise, delay, washout and memory."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence

@@ -4,17 +4,16 @@
 some options itself; what is given takes their place option by option.
 """
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
 
 from wt_gym.base.errors import InflowError, did_you_mean
 from wt_gym.base.options import (
@@ -46,9 +45,6 @@ from wt_gym.turbines import Turbine
 from wt_gym.turbines.model import LONGEST_LAG, STRONGEST
 from wt_gym.turbines.variants import GENERATORS
 from wt_gym.wind.files import files_of, is_wind_path, whole_description
-
-if TYPE_CHECKING:
-    from gymnasium.envs.registration import EnvSpec
 
 __all__ = [
     "GROUPS",

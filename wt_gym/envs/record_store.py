@@ -9,8 +9,6 @@ Turbines of the user have such files in their cache. They serve the very turbine
 package moves it as it did then; a test checks the records of the package.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging
@@ -73,7 +71,7 @@ class StartFile:
     turbine_digest: str = ""  #: `digest_of_turbine` in a record of the user
 
     @classmethod
-    def of(cls, path: Path) -> StartFile:
+    def of(cls, path: Path) -> "StartFile":
         """Head of a file."""
         with np.load(path, allow_pickle=False) as file:
             head = json.loads(str(file["head"]))

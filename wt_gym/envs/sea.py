@@ -1,11 +1,9 @@
 """The sea of a floating turbine: waves that grow with the wind, or as an option says, drawn anew for every episode."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +11,11 @@ from wt_gym.base.errors import did_you_mean
 from wt_gym.base.options import options_of, shown
 from wt_gym.control import Channel
 from wt_gym.envs.channels import Observed
+from wt_gym.envs.operation import Operation
 from wt_gym.envs.terms import Request, Term
 from wt_gym.hydrodynamics.waves import SeaState, WaveComponents
 from wt_gym.simulation.channels import EVEN, ODD
 from wt_gym.turbines import Turbine
-
-if TYPE_CHECKING:
-    from wt_gym.envs.operation import Operation
 
 STILL = "still"
 MISALIGNMENT = "misalignment"
@@ -38,7 +34,7 @@ class SeaChoice:
     misalignment: float = 0.0  #: [rad]
 
     @classmethod
-    def of(cls, value: Any) -> SeaChoice:
+    def of(cls, value: Any) -> "SeaChoice":
         """Choice of an option.
 
         Parameters

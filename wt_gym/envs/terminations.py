@@ -12,30 +12,25 @@ With limits of the user (``cost_limits``) they take the place of the margins:
   episode is the travel over the limit, which is violated above 1.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
 
 from wt_gym.base.options import Options, check_whole_steps, not_empty, option, option_record
 from wt_gym.base.quantities import DAY
 from wt_gym.control.controllers import Controller
 from wt_gym.control.controllers.controller import starting_part
+from wt_gym.envs.operation import Operation
 from wt_gym.envs.power import DiscWind
 from wt_gym.envs.terms import Beginning, Term, Transition
 from wt_gym.simulation import Signals
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, ShutDown, VoltageDip
 from wt_gym.turbines import Turbine
 from wt_gym.turbines.variants import unloaded_clearance
-
-if TYPE_CHECKING:
-    from gymnasium.envs.registration import EnvSpec
-
-    from wt_gym.envs.operation import Operation
 
 PITCH_TRAVEL = "pitch_travel"
 COST_LIMITS = {PITCH_TRAVEL: "rad/d", "rotor_speed": "-", "tip_clearance": "m", "tower_acceleration": "m/s^2"}

@@ -1,13 +1,12 @@
 """The Gymnasium environment."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import Any, Self, cast
 
 import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from wt_gym.base.errors import ControllerError, SimulationError
@@ -20,9 +19,6 @@ from wt_gym.envs.terminations import registered_limit, tip_clearance
 from wt_gym.envs.terms import Beginning, EnvSnapshot, Stateful, Transition, hooks
 from wt_gym.simulation import Signals
 from wt_gym.simulation.contract import SimulatorMaker
-
-if TYPE_CHECKING:
-    from gymnasium import spaces
 
 
 class WindTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray], Stateful, Parts):
@@ -40,7 +36,7 @@ class WindTurbineEnv(PlainSpec, gym.Env[np.ndarray, np.ndarray], Stateful, Parts
         self._make(EnvOptions.from_dict(named_arguments(positional, arguments)))
 
     @staticmethod
-    def made_of(**arguments: Any) -> WindTurbineEnv:
+    def made_of(**arguments: Any) -> "WindTurbineEnv":
         """Make an environment of arguments, whatever class is derived from this one."""
         return WindTurbineEnv(**arguments)
 

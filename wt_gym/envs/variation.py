@@ -11,14 +11,12 @@ Starts of the running turbine are instants of records of the nominal one in its 
 another one, blades follow their loads and the tower swings as it did there.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -28,8 +26,8 @@ from wt_gym.control import ActionMap, Lidar
 from wt_gym.envs.channels import Observable
 from wt_gym.envs.instruments import DRIFTING, Instruments, InstrumentTable, PitchGain
 from wt_gym.envs.lidar import lidar_noise
-from wt_gym.envs.observations import MOST_READINGS
-from wt_gym.envs.operation import OWN
+from wt_gym.envs.observations import MOST_READINGS, ObservationOptions
+from wt_gym.envs.operation import OWN, Operation
 from wt_gym.envs.terms import Plant, Request, Term
 from wt_gym.envs.wind_sampler import EpisodeWind, WindOptions
 from wt_gym.simulation.drivetrain.faults import SensorBias
@@ -37,10 +35,6 @@ from wt_gym.turbines import Turbine
 from wt_gym.turbines.model import PitchSystem, Tower, with_site
 from wt_gym.wind import TurningInflow
 from wt_gym.wind.iec import REFERENCE_INTENSITY
-
-if TYPE_CHECKING:
-    from wt_gym.envs.observations import ObservationOptions
-    from wt_gym.envs.operation import Operation
 
 NO_SENSOR = ""
 """Among the sensors that may be dead: none is."""

@@ -1,7 +1,5 @@
 """The wind of an episode: options, draws, files."""
 
-from __future__ import annotations
-
 import copy
 import json
 import os
@@ -276,7 +274,7 @@ class WindFile:
     @classmethod
     def found(
         cls, given: str | os.PathLike[str] | Mapping[str, Any], hub_height: float, rotor_diameter: float
-    ) -> WindFile:
+    ) -> "WindFile":
         """Look through a file, unless this process has done so and the file is as it was.
 
         Raises
@@ -538,7 +536,7 @@ class WindSampler:
         """Turbulence from the beginning of a box along x, of a speed at hub height [m/s]."""
         return TurbulentInflow(self._box(speed, seed), self._steady(speed))
 
-    def varied(self, turbulence_class: str | None, shear_exponent: float | None) -> WindSampler:
+    def varied(self, turbulence_class: str | None, shear_exponent: float | None) -> "WindSampler":
         """Sampler of the same winds with another turbulence class or power-law profile; None: as here.
 
         The class scales turbulence, whose lengths do not depend on it: boxes are those of this sampler.

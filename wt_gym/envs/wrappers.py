@@ -11,11 +11,9 @@ filters (Wabersich and Zeilinger, Automatica 129, 2021), with the simulator as m
 so the filter is a bound on what a filter of a turbine, which must estimate that wind, can do.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -24,11 +22,8 @@ from gymnasium import spaces
 from wt_gym.base.options import check_number, shown
 from wt_gym.envs.dial import DIAL_NAMES, DIALED, factor_of
 from wt_gym.envs.terminations import PITCH_TRAVEL
-from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.turbines.variants import unloaded_clearance
-
-if TYPE_CHECKING:
-    from wt_gym.envs.turbine_env import WindTurbineEnv
 
 PROTECTION = "protection"
 """Objective of the terms that no factor of a dial is for, and of the penalty for an early end."""

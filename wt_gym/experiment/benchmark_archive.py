@@ -1,17 +1,16 @@
 """Archives of results of the benchmark, and runs that are repeated to verify them."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
 import lzma
 import tarfile
 import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,14 +20,9 @@ from wt_gym.base.files import write_whole
 from wt_gym.control.controllers.names import Name
 from wt_gym.experiment.benchmark import BenchmarkAgent, BenchmarkRun, ResultFolder, entry_of, run_jobs
 from wt_gym.experiment.benchmark_tasks import load_task
+from wt_gym.experiment.execute import Executor
 from wt_gym.experiment.store import digest
 from wt_gym.experiment.trained_agent import MODEL_FILE, RECORD_FILE, model_digests, model_files
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
-
-    from wt_gym.experiment.execute import Executor
 
 RUNS, MODELS = "runs", "models"
 """Folders of an archive: results of a `wt_gym.experiment.benchmark.ResultFolder`, and models by `model_folder`."""

@@ -4,8 +4,6 @@ The search is Optuna's (CMA-ES for several numbers needs its extra; the tree-str
 takes few trials well). The result is a record: cost, search space, winds, versions and every trial.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import platform

@@ -1,34 +1,27 @@
 """Callbacks of a training: curve, figures, checkpoints, reasons to stop, evaluation in winds that no training sees."""
 
-from __future__ import annotations
-
 import logging
 import math
 import signal
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from types import FrameType
+from typing import Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
 from wt_gym.analysis.results import Wind
 from wt_gym.analysis.statistics import relative_change
+from wt_gym.envs.episode import Agent
 from wt_gym.envs.options import registered_arguments
-from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS
+from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, WindSampler
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.execute import ProgressLine, clock
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from types import FrameType
-
-    from wt_gym.envs.episode import Agent
-    from wt_gym.envs.wind_sampler import WindSampler
-    from wt_gym.learning.options import TrainingConfig
-
+from wt_gym.learning.options import TrainingConfig
 
 _log = logging.getLogger(__name__)
 

@@ -4,8 +4,6 @@ A file of hyperparameters, in the style of rl-baselines3-zoo, has a section ``de
 that differs from it. A recipe is the recommended training of a task, a file of options of ``wt-gym train`` for its id.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

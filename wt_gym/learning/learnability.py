@@ -16,14 +16,14 @@ advantages, have a mean g and a variance S over rollouts. The ratio |g|^2 / tr S
 inverse is how many times as many make a gradient that points the right way.
 """
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
 
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, linear_part
@@ -32,15 +32,8 @@ from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.run import ENDLESS, EpisodePlayer, benchmark_metrics
 from wt_gym.experiment.tuning import Cost
-from wt_gym.learning.linear_env import STILL, LinearVectorEnv, cached_model
+from wt_gym.learning.linear_env import STILL, LinearModel, LinearVectorEnv, cached_model
 from wt_gym.learning.pretraining_episodes import PlayedActions
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from numpy.typing import NDArray
-
-    from wt_gym.learning.linear_env import LinearModel
 
 HORIZONS = (1.0, 4.0, 20.0)
 """Horizons of the alignment [s]."""

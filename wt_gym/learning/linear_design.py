@@ -10,14 +10,14 @@ a damage-equivalent load L, with weights w that rise with the local amplitude of
 Power is linear in the offsets, less a part in proportion to their square, which the excited runs give.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 import wt_gym
@@ -26,21 +26,13 @@ from wt_gym.analysis.results import Wind
 from wt_gym.analysis.statistics import relative_change
 from wt_gym.control.controllers import linear_optimal, make_controller
 from wt_gym.control.controllers.linear_optimal import FLOATING_OUTPUTS, OUTPUTS, LinearDesign, PitchOffsets, offset_fade
-from wt_gym.experiment.execute import SerialExecutor
+from wt_gym.experiment.execute import Executor, SerialExecutor
 from wt_gym.experiment.run import benchmark_fingerprint
 from wt_gym.learning import recording
 from wt_gym.learning.options import FeedbackOptions, LinearDesignTask, design_task
 from wt_gym.learning.recording import FLOATING_LOADS, LOADS, Recording, RecordingStore, respond, to_blades, without_slow
 from wt_gym.simulation.drivetrain.drives import pitch_delay
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from wt_gym.experiment.execute import Executor
-    from wt_gym.turbines import Turbine
-
+from wt_gym.turbines import Turbine
 
 _MEAN_READS, _TILT_YAW_READS = (0, 3, 5, 6, 8), (1, 2, 4, 7)
 """Places in `FLOATING_OUTPUTS` of what the mean offset, and tilt and yaw, answer."""

@@ -16,21 +16,21 @@ beyond rated, and all that offsets do to the azimuth and to their own share.
 The model is made at the first use, of two hours and forty minutes of simulated time, and kept in the cache of the user.
 """
 
-from __future__ import annotations
-
 import json
 import pickle
 import sys
 import threading
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, damage_equivalent_load
 from wt_gym.base.errors import SimulationError
@@ -38,6 +38,7 @@ from wt_gym.base.user_cache import cached_file
 from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, LoadObserver, linear_part, side_sign
 from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.envs.credit import FATIGUE, HORIZON, as_in_terms, fatigue_weights, steps_of_observer
+from wt_gym.envs.episode import Agent
 from wt_gym.envs.fatigue import LOADS
 from wt_gym.envs.options import PlainSpec, registered_arguments
 from wt_gym.envs.power import Power
@@ -51,13 +52,6 @@ from wt_gym.learning.linear_design import Forecast, curvature_of_power
 from wt_gym.learning.linear_env_kernels import advance_all, observe_all
 from wt_gym.learning.options import Excitation
 from wt_gym.learning.recording import RecordingStore, identify_and_judge, to_blades
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from wt_gym.envs.episode import Agent
 
 RAW = (*LOADS, "edge_mean", "edge_tilt", "edge_yaw", "power")
 """What is recorded for the lifetime cost [N m, W]."""

@@ -1,25 +1,20 @@
 """Options of trainings, pretrainings, data sets and linear designs. Imports nothing heavy: the commands show them."""
 
-from __future__ import annotations
-
 import importlib.util
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wt_gym.analysis.metrics import FLOATING_COST_WEIGHTS, LIFETIME_COST_WEIGHTS
 from wt_gym.base.files import json_values
 from wt_gym.base.options import Options, not_empty, option, option_record
 from wt_gym.learning.hyperparameters import ALGORITHMS, check_hyperparameters, hyperparameters_for, replaced
 from wt_gym.tasks import DEFAULT_ENV
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine
 
 __all__ = [
     "CONDITION_ARGUMENTS", "DatasetConfig", "Excitation", "FeedbackOptions", "LinearDesignTask", "PretrainingOptions",
@@ -151,11 +146,11 @@ class TrainingConfig(Options):
         """Hyperparameters with those that the package brings along."""
         return hyperparameters_for(self.algorithm, self.env_id, overrides=self.hyperparameters)
 
-    def with_hyperparameters(self) -> TrainingConfig:
+    def with_hyperparameters(self) -> "TrainingConfig":
         """Give the configuration with every hyperparameter written out, as a record keeps it."""
         return replace(self, hyperparameters=self.resolved)
 
-    def limited(self, total_steps: int | None, max_seconds: float | None) -> TrainingConfig:
+    def limited(self, total_steps: int | None, max_seconds: float | None) -> "TrainingConfig":
         """Give the configuration with other limits, where there are any."""
         limits: dict[str, Any] = {"total_steps": total_steps, "max_seconds": max_seconds}
         return replace(self, **{name: value for name, value in limits.items() if value is not None})

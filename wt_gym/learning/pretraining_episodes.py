@@ -14,42 +14,35 @@ turning point changes its partner, S_i is the difference of two samples, so the 
 almost everywhere.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numba
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from wt_gym.analysis.metrics import BLADE_EXPONENT, FLOATING_COST_WEIGHTS, TOWER_EXPONENT
 from wt_gym.base.errors import SimulationError
+from wt_gym.control.actions import Demand
+from wt_gym.control.controllers.controller import Readings
 from wt_gym.control.controllers.fault_supervisor import fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import OFFSET_ACTIONS, linear_part, series_in_fixed_frame, side_sign
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.dial import DIAL_NAMES
+from wt_gym.envs.episode import Agent
 from wt_gym.envs.options import registered_arguments
-from wt_gym.envs.turbine_env import turbine_env_of
+from wt_gym.envs.turbine_env import WindTurbineEnv, turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent
 from wt_gym.experiment.run import EpisodePlayer
 from wt_gym.learning.options import without_observer
 from wt_gym.learning.recording import floating_loads
 from wt_gym.simulation.drivetrain.drives import pitch_delay
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from wt_gym.control.actions import Demand
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.envs.episode import Agent
-    from wt_gym.envs.turbine_env import WindTurbineEnv
-
 
 _ENDLESS = 10**9  # control steps
 Actor = Callable[[torch.Tensor], torch.Tensor]

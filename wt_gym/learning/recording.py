@@ -1,22 +1,24 @@
 """Runs of a base controller with and without drawn offsets of the pitch, and impulse responses from them."""
 
-from __future__ import annotations
-
 import json
 import math
 import zipfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.signal import fftconvolve
 
 from wt_gym.analysis.results import Wind
 from wt_gym.base.canary import differing
 from wt_gym.base.files import whole_file
+from wt_gym.control.actions import Demand
 from wt_gym.control.controllers import make_controller
-from wt_gym.control.controllers.controller import Combined, parts_of
+from wt_gym.control.controllers.controller import Combined, Readings, parts_of
 from wt_gym.control.controllers.linear_optimal import (
     FLOATING_OUTPUTS,
     OUTPUTS,
@@ -29,20 +31,10 @@ from wt_gym.envs.sea import sea_of_wind
 from wt_gym.experiment.comparison import inflow_of
 from wt_gym.experiment.run import run_controller
 from wt_gym.experiment.store import run_digest
+from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.learning.options import Excitation
 from wt_gym.simulation import Simulator
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from wt_gym.control.actions import Demand
-    from wt_gym.control.controllers.controller import Readings
-    from wt_gym.hydrodynamics.waves import WaveComponents
-    from wt_gym.turbines import Turbine
-
+from wt_gym.turbines import Turbine
 
 _R = TypeVar("_R")
 MISALIGNMENT, LONGEST_SEA = math.radians(30.0), 1200.0
@@ -108,7 +100,7 @@ class Recording:
         dt: float,
         offsets: NDArray[np.float64],
         share: NDArray[np.float64],
-    ) -> Recording:
+    ) -> "Recording":
         """Recording of signals (n + 1,) by name."""
         sign, floats = side_sign(turbine), turbine.floater is not None
         n_outputs = len(FLOATING_OUTPUTS if floats else OUTPUTS)

@@ -1,25 +1,18 @@
 """The same training with several seeds, and trainings that the same command begins and resumes, as on a cluster."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from wt_gym.base.files import write_text_whole
 from wt_gym.experiment.run_folder import SEEDS_FILE, RunFolder, read_plan, seed_folder
-from wt_gym.learning.callbacks import FIGURES, stop_on_signals
+from wt_gym.learning.callbacks import FIGURES, StopRequest, stop_on_signals
 from wt_gym.learning.options import TrainingConfig
 from wt_gym.learning.train import resume, train
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from wt_gym.learning.callbacks import StopRequest
-
 
 _RECENT = 10  # episodes
 

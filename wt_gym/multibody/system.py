@@ -4,8 +4,6 @@
 them into plain arrays for the compiled equations of motion in :mod:`wt_gym.multibody.tree.tree_kernels`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
@@ -89,7 +87,7 @@ class MultibodySystem:
         """What a pickle takes along: all but compiled code."""
         return self.__dict__ | {"_compiled_rates": None}
 
-    def add(self, body: FlexibleBody, joint: Joint, parent: int | None = None, marker: str = "origin") -> int:
+    def add(self, body: FlexibleBody, joint: "Joint", parent: int | None = None, marker: str = "origin") -> int:
         """Add a body; returns its index.
 
         Parameters
@@ -130,7 +128,7 @@ class MultibodySystem:
 
     def add_constraint(
         self,
-        constraint: Constraint,
+        constraint: "Constraint",
         first: int | None,
         second: int | None,
         marker: str = "origin",
@@ -197,7 +195,7 @@ class MultibodySystem:
             raise MultibodyError(f"the added mass of {name!r} must be positive semidefinite")
         self._added = body, np.ascontiguousarray(matrix)
 
-    def build(self) -> MultibodySystem:
+    def build(self) -> "MultibodySystem":
         """Pack everything into arrays; returns self.
 
         Raises
@@ -275,7 +273,7 @@ class MultibodySystem:
         return 1 if self.constraints else None
 
     @property
-    def _servos(self) -> list[Joint | Constraint]:
+    def _servos(self) -> "list[Joint | Constraint]":
         """Joints and constraints with a servo, in the order of their states."""
         joints = [j for j in self.joints if j.kind == "servo"]
         return [*joints, *(c for c in self.constraints if c.servo_frequency > 0.0)]

@@ -22,10 +22,12 @@ the rotor alone. Snapshots hold the state of the image.
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import ItemsView, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -56,53 +58,18 @@ TOWER_TOP_PARITIES = np.array([1.0, -1.0, 1.0, -1.0])
 """Parities of displacement and velocity of the tower top, fore-aft and side-side, as a start takes them."""
 TOWER_TOP_PARITIES.flags.writeable = False
 
-_SINGLE = (
-    ("time", "s", "Time", EVEN, "Simulated time"),
-    ("wind_x", "m/s", "WindHubVelX", EVEN, "Undisturbed wind at the hub, downwind component"),
-    ("wind_y", "m/s", "WindHubVelY", ODD, "Undisturbed wind at the hub, to the left looking downwind"),
-    ("wind_z", "m/s", "WindHubVelZ", EVEN, "Undisturbed wind at the hub, upward"),
-    ("rotor_speed", "rad/s", "RotSpeed", EVEN, "Speed of the hub against the nacelle, positive as the rotor turns"),
-    ("azimuth", "rad", "Azimuth", EVEN, "Azimuth of blade 1 in the sense of rotation, zero when it points up, 0 … 2π"),
-    ("generator_speed", "rad/s", "GenSpeed", EVEN, "High-speed shaft"),
-    ("generator_torque", "N m", "GenTq", EVEN, "Electrical torque on the high-speed shaft"),
-    ("generator_power", "W", "GenPwr", EVEN, "Electrical power"),
-    ("aero_power", "W", "RtAeroPwr", EVEN, "Aerodynamic torque times rotor speed"),
-    ("aero_torque", "N m", "RtAeroMxh", EVEN, "Moment of the air about the shaft"),
-    ("aero_thrust", "N", "RtAeroFxh", EVEN, "Force of the air along the shaft"),
-    ("yaw", "rad", "YawPzn", ODD, "Angle of the nacelle on the tower top, counter-clockwise from above"),
-    ("yaw_rate", "rad/s", "YawVzn", ODD, "Rate of the nacelle yaw"),
-    ("yaw_error", "rad", "NacYawErr", ODD, "Wind direction at the hub minus nacelle yaw"),
-    ("tower_top_fore_aft", "m", "", EVEN, "Tower-top displacement along the nacelle's heading, positive downwind"),
-    ("tower_top_side_side", "m", "", ODD, "Tower-top displacement across the nacelle's heading, to the left"),
-    ("tower_base_fore_aft_moment", "N m", "", EVEN, "Tower-base moment that bends the tower along the heading"),
-    ("tower_base_side_side_moment", "N m", "", ODD, "Tower-base moment about the heading of the nacelle"),
-    ("tower_base_torsion", "N m", "TwrBsMzt", ODD, "Tower-base moment about z"),
-    ("nacelle_acceleration_fore_aft", "m/s^2", "", EVEN, "Tower-top acceleration along the nacelle's x axis"),
-    ("nacelle_acceleration_side_side", "m/s^2", "", ODD, "Tower-top acceleration along the nacelle's y axis"),
-    ("shaft_torque", "N m", "RotTorq", EVEN, "Torque in the low-speed shaft"),
-    ("rotor_thrust", "N", "RotThrust", EVEN, "Axial force in the low-speed shaft, weight and inertia included"),
-    ("rotor_speed_max", "rad/s", "", EVEN, "Largest rotor speed since the last sample, over all structural steps"),
-    ("tower_base_moment_max", "N m", "", EVEN, "Largest tower-base bending moment since the last sample"),
-    ("tower_top_x", "m", "TTDspFA", EVEN, "Tower-top displacement along global x"),
-    ("tower_top_y", "m", "TTDspSS", ODD, "Tower-top displacement along global y"),
-    ("tower_base_moment_x", "N m", "TwrBsMxt", ODD, "Tower-base moment about global x"),
-    ("tower_base_moment_y", "N m", "TwrBsMyt", EVEN, "Tower-base moment about global y, positive for a push along x"),
-)
-_PER_BLADE = (
-    ("pitch", "rad", "BldPitch", EVEN, "Pitch angle, positive to feather"),
-    ("pitch_rate", "rad/s", "", EVEN, "Pitch rate"),
-    ("pitch_command", "rad", "", EVEN, "Rate-limited pitch demand that the drive follows"),
-    ("tip_out_of_plane", "m", "OoPDefl", EVEN, "Tip deflection out of the coned rotor plane, positive downwind"),
-    ("tip_in_plane", "m", "IPDefl", EVEN, "Tip deflection in the rotor plane, positive to the trailing edge"),
-    ("root_flap_moment", "N m", "RootMyb", EVEN, "Blade-root moment about y of the pitched blade"),
-    ("root_edge_moment", "N m", "RootMxb", EVEN, "Blade-root moment about x of the pitched blade"),
-    ("root_torsion", "N m", "RootMzb", EVEN, "Blade-root moment about the pitch axis"),
-    ("tip_clearance", "m", "TipClrnc", EVEN, "Distance of the tip from the tower surface, negative behind the tower"),
-    ("tip_clearance_min", "m", "", EVEN, "Smallest tip clearance since the last sample, also between structural steps"),
-    ("tip_out_of_plane_max", "m", "", EVEN, "Largest out-of-plane tip deflection since the last sample"),
-    ("root_flap_moment_max", "N m", "", EVEN, "Largest size of the flapwise root moment since the last sample"),
-    ("pitch_travel", "rad", "", EVEN, "Way of the pitch, both directions, since the last sample, over all time steps"),
-)
+
+def _read_channels(each: str) -> tuple[tuple[str, str, str, int, str], ...]:
+    """Channels of the file, one each "turbine", "blade" or mooring "line": name to description as in `Channel`."""
+    with Path(__file__).with_name("channels.csv").open(encoding="utf-8", newline="") as file:
+        return tuple(
+            (row["name"], row["unit"], row["openfast"], int(row["parity"]), row["description"])
+            for row in csv.DictReader(file)
+            if row["each"] == each
+        )
+
+
+_SINGLE, _PER_BLADE, _PER_LINE = map(_read_channels, ("turbine", "blade", "line"))
 _MOTIONS = (("surge", "x", EVEN), ("sway", "y", ODD), ("heave", "z", EVEN),
             ("roll", "x", ODD), ("pitch", "y", EVEN), ("yaw", "z", ODD))  # fmt: skip
 MOTIONS = tuple(name for name, _, _ in _MOTIONS)
@@ -119,10 +86,6 @@ _PLATFORM = (
       for k, (name, axis, parity) in enumerate(_MOTIONS)),
     ("wave_elevation", "m", "Wave1Elev", EVEN, "Undisturbed elevation of the sea at the origin"),
 )  # fmt: skip
-_PER_LINE = (
-    ("fairlead_tension", "N", "FairTen", EVEN, "Tension of the mooring line at the fairlead"),
-    ("anchor_tension", "N", "AnchTen", EVEN, "Tension of the mooring line at the anchor"),
-)
 
 
 @cache

@@ -19,8 +19,6 @@ of the turbine's own controller or beyond, where the rotor has no more than rate
 lever arms follow the deformation.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Linear models of a turbine: matrices with names, multi-blade coordinates, modes and time response."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -55,7 +53,7 @@ class WaveForces:
     amplitude: NDArray[np.complex128]  #: Along and about global axes at the origin [N, N m]; array (c, 6), complex
 
     @classmethod
-    def of(cls, platform: Platform, sea: WaveComponents) -> WaveForces:
+    def of(cls, platform: Platform, sea: WaveComponents) -> "WaveForces":
         """Forces of the waves of a sea on a platform, without drag.
 
         Raises
@@ -119,7 +117,7 @@ class LinearModel:
 
     def select(
         self, inputs: str | Iterable[str] | None = None, outputs: str | Iterable[str] | None = None
-    ) -> LinearModel:
+    ) -> "LinearModel":
         """The same model with only the named inputs and outputs (sequences of str; None keeps all).
 
         Raises

@@ -29,11 +29,9 @@ crest arrives too, so that no states lead from the elevation to it. `LinearModel
 the inputs of a sea. Slow drift, of second order, is not in them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,7 +48,14 @@ from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.tree import tree_kernels
 from wt_gym.simulation.channels import MOTIONS, channel_table
 from wt_gym.simulation.contract import SimulatorState
-from wt_gym.simulation.linear_model import LinearModel, SteadyPoint, WaveForces, multiblade_model, reflected_model
+from wt_gym.simulation.linear_model import (
+    LinearModel,
+    RotorPoint,
+    SteadyPoint,
+    WaveForces,
+    multiblade_model,
+    reflected_model,
+)
 from wt_gym.simulation.models import place_nacelle
 from wt_gym.simulation.start import rigid_body
 from wt_gym.simulation.step import coupling_kernels, water_kernels
@@ -58,10 +63,6 @@ from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.coupling_data import Extremes, MeasuredState, Measurement, TowerAir, Water
 from wt_gym.turbines import Turbine
 from wt_gym.wind import Inflow, MirroredInflow, SteadyInflow
-
-if TYPE_CHECKING:
-    from wt_gym.simulation.linear_model import RotorPoint
-
 
 MOTION_STEP = 3e-3
 """Displacement of the rotor's points by which positions are changed for the difference quotients [m]."""
@@ -74,7 +75,7 @@ FORCE_STEP, MEMORY_STEP = 1e5, 100.0
 
 
 def linearize(  # noqa: PLR0913
-    simulator: LinearizedSimulator,
+    simulator: "LinearizedSimulator",
     operating_point: RotorPoint | None = None,
     *,
     wind_speed: float | None = None,
@@ -177,7 +178,7 @@ def linearize(  # noqa: PLR0913
     return reflected_model(model, plant.state_names, plant.turbine.n_lines) if simulator.mirrored else model
 
 
-def _felt_inflow(simulator: LinearizedSimulator, wind_speed: float | None) -> Inflow:
+def _felt_inflow(simulator: "LinearizedSimulator", wind_speed: float | None) -> Inflow:
     """The steady wind of an operating point as the simulated image of the turbine feels it."""
     inflow = steady_inflow(simulator.inflow, wind_speed)
     return MirroredInflow.of(inflow) if simulator.mirrored else inflow
@@ -205,14 +206,14 @@ def steady_inflow(inflow: Inflow, wind_speed: float | None = None) -> SteadyInfl
 
 
 def trim_plant(
-    plant: FrozenPlant,
+    plant: "FrozenPlant",
     rotor_speed: float,
     pitch: ArrayLike,
     yaw: float,
     generator_torque: float | None,
     azimuth: float,
     n_azimuths: int,
-) -> tuple[SteadyPoint, list[Wake | None]]:
+) -> "tuple[SteadyPoint, list[Wake | None]]":
     """Steady point and the wake at each of its azimuths; see :func:`linearize` for the arguments."""
     if not (np.isfinite(rotor_speed) and rotor_speed >= 0.0):
         raise SimulationError(f"rotor_speed is {rotor_speed} rad/s; must be a finite speed of at least zero")
@@ -281,7 +282,7 @@ def trim_plant(
     return point, wakes
 
 
-def _harmonics(plant: FrozenPlant, azimuth: float, rotor_speed: float) -> tuple[Array, Array, Array, Array]:
+def _harmonics(plant: "FrozenPlant", azimuth: float, rotor_speed: float) -> tuple[Array, Array, Array, Array]:
     """Elastic coordinates, rates and accelerations of a steady motion per unknown, and the weights of its equations.
 
     A turning rotor: every coordinate that does not belong to a blade is constant, those of blade i are
@@ -309,7 +310,7 @@ def _harmonics(plant: FrozenPlant, azimuth: float, rotor_speed: float) -> tuple[
     return (*out, weights)
 
 
-def _mean_outputs(plant: FrozenPlant, states: Sequence[Array], wakes: Sequence[Wake | None]) -> Array:
+def _mean_outputs(plant: "FrozenPlant", states: Sequence[Array], wakes: "Sequence[Wake | None]") -> Array:
     values = []
     for y, wake in zip(states, wakes, strict=True):
         plant.wake = wake
@@ -317,7 +318,7 @@ def _mean_outputs(plant: FrozenPlant, states: Sequence[Array], wakes: Sequence[W
     return np.asarray(np.mean(values, axis=0))
 
 
-def _present(plant: FrozenPlant, simulator: LinearizedSimulator) -> tuple[SteadyPoint, list[Wake | None]]:
+def _present(plant: "FrozenPlant", simulator: "LinearizedSimulator") -> "tuple[SteadyPoint, list[Wake | None]]":
     """The simulator's present state as an operating point, with its current wake."""
     state = simulator.state().arrays
     y = np.concatenate([state["history_y"][-1], state.get("platform_radiation_state", ())])
@@ -357,7 +358,7 @@ def _output_names(turbine: Turbine, chosen: str | Sequence[str] | None) -> tuple
     return tuple(out)
 
 
-def _differentiate(plant: FrozenPlant, point: SteadyPoint, k: int, output_names: tuple[str, ...]) -> LinearModel:
+def _differentiate(plant: "FrozenPlant", point: SteadyPoint, k: int, output_names: tuple[str, ...]) -> LinearModel:
     """Central differences of rates and outputs about the state at one azimuth."""
     y, system = point.states[k], plant.system
     channels = [c.name for c in channel_table(plant.n_blades, plant.turbine.n_lines)]

@@ -1,7 +1,5 @@
 """The models of a turbine, put together: everything that depends on the meshes alone and no step changes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -43,7 +41,7 @@ class TurbineModels:
     tower_flow: TowerFlow  #: The cheap form of the tower in the flow
     time_step: float  #: Aerodynamic step [s]
     n_substeps: int  #: Structural steps in it
-    embedded: TurbineModels | None = None
+    embedded: "TurbineModels | None" = None
     """The same turbine without constraint equations, if these have them: they leave the motion, and so its frequencies
     and its steady state, as they are."""
 

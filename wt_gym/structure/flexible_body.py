@@ -14,8 +14,6 @@ The terms with H are what stiffens a rotating blade and what makes a loaded towe
 Schwertassek 1991, Int. J. Numer. Methods Eng. 32, 1833–1850.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
@@ -105,7 +103,7 @@ class BodyInertia:
     m2: Array
 
     @classmethod
-    def rigid(cls, mass: float, center: ArrayLike, inertia_about_center: ArrayLike) -> BodyInertia:
+    def rigid(cls, mass: float, center: ArrayLike, inertia_about_center: ArrayLike) -> "BodyInertia":
         """Inertia of a rigid body from mass, mass center (3,) and inertia tensor (3, 3) about the mass center."""
         center = np.asarray(center, dtype=float)
         r = skew(center)
@@ -128,7 +126,7 @@ class BodyInertia:
         )
 
     @classmethod
-    def from_particles(cls, mass: Array, fields: MassPointFields, complete: bool = False) -> BodyInertia:
+    def from_particles(cls, mass: Array, fields: MassPointFields, complete: bool = False) -> "BodyInertia":
         """Sum over mass points (n_p,) with their :class:`ParticleFields`; ``complete``: with d2 and m2."""
         x0, s = fields.position, fields.linear
         n = s.shape[-1]
@@ -267,7 +265,7 @@ class FlexibleBody:
         center: ArrayLike,
         inertia_about_center: ArrayLike,
         markers: Mapping[str, ArrayLike] | None = None,
-    ) -> FlexibleBody:
+    ) -> "FlexibleBody":
         """A rigid body; markers are given as name → position (3,)."""
         none = np.zeros
         points = {
@@ -286,7 +284,7 @@ class FlexibleBody:
         markers: Mapping[str, float] | None = None,
         coordinate_names: Sequence[str] | None = None,
         complete: bool = False,
-    ) -> FlexibleBody:
+    ) -> "FlexibleBody":
         """A flexible body from a beam and a basis of nodal displacements.
 
         Parameters

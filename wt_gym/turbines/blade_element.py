@@ -6,8 +6,6 @@ annulus balances the forces of the polar, with Prandtl's losses at tip and root 
 sections and points together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -46,7 +44,7 @@ class BladeElementRotor:
     """`Polar` at a distance from the root [m]."""
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine) -> BladeElementRotor:
+    def of_turbine(cls, turbine: Turbine) -> "BladeElementRotor":
         """Rotor of a turbine; coefficients refer to the nominal diameter."""
         blade = turbine.blade
         return cls(

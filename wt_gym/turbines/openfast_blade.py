@@ -5,8 +5,6 @@ the trailing edge; their twist is positive to feather. AeroDyn gives the place o
 (BlCrvAC, BlSwpAC), which lies on the chord line; the file of the airfoil's coordinates says how far behind its nose.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from itertools import pairwise
@@ -58,7 +56,7 @@ class _Planform:
     twist: Array
     chord: Array
     index: Integers
-    files: tuple[_AirfoilFile, ...]
+    files: "tuple[_AirfoilFile, ...]"
 
     def reference(self) -> Array:
         """Return the reference point of every node [chords behind the leading edge]."""

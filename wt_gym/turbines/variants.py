@@ -40,23 +40,17 @@ side, y to the trailing edge) is reflected with the blade and is left-handed whe
 What is described in axes that the direction of rotation does not turn, nacelle and tower, is reflected.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from wt_gym.base.quantities import Array
 from wt_gym.hydrodynamics.platform import Platform
-from wt_gym.turbines.blade import BeamStations
+from wt_gym.turbines.blade import BeamStations, Blade
 from wt_gym.turbines.checks import check_number, fail
-from wt_gym.turbines.model import STRONGEST, LossShares, ShaftDamper, Turbine
-
-if TYPE_CHECKING:
-    from wt_gym.turbines.blade import Blade
-    from wt_gym.turbines.model import Drivetrain, Hub
+from wt_gym.turbines.model import STRONGEST, Drivetrain, Hub, LossShares, ShaftDamper, Turbine
 
 MOST_TORQUE = 1.1
 """Greatest torque that a damper is to bear, over that at rated power, for the range of sensors."""

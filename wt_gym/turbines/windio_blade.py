@@ -9,8 +9,6 @@ x to the suction side and y to the trailing edge (K44 edgewise, i_edge in the sa
 stiffer edgewise, so the larger of K44 and K55 over the outer blade tells which frame was meant.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -149,7 +147,7 @@ def _read_planform(shape: Node) -> tuple[Array, ...]:
 
 
 def _read_airfoils(
-    shape: Node, axis: _Axis, library: AirfoilLibrary, speed_chord: Callable[[float], float]
+    shape: Node, axis: _Axis, library: "AirfoilLibrary", speed_chord: Callable[[float], float]
 ) -> tuple[tuple[Airfoil, ...], Array, Integers]:
     """Return airfoils, their z [m] and index.
 

@@ -10,8 +10,6 @@ turbine is built from, so that a flaw in the composite layers does not cost the 
 without is for its readers to say.
 """
 
-from __future__ import annotations
-
 import codecs
 import difflib
 import hashlib
@@ -78,7 +76,7 @@ class Node:
             node = node[part]
         return True
 
-    def at(self, key: str, hint: str = "a mapping") -> Node:
+    def at(self, key: str, hint: str = "a mapping") -> "Node":
         """Return the mapping under the dotted ``key``; ``hint`` says what is expected where it is missing."""
         node = self
         for part in key.split("."):
@@ -90,7 +88,7 @@ class Node:
             node = Node(value, node.where(part), self.notes)
         return node
 
-    def part(self, key: str) -> Node:
+    def part(self, key: str) -> "Node":
         """Return the mapping under the dotted ``key``, an empty one where the file has none."""
         return self.at(key) if key in self else Node({}, self.where(key), self.notes)
 
@@ -99,7 +97,7 @@ class Node:
         value = self.data.get(key)
         return value is not None and value != 0 and not (isinstance(value, list) and all(entry == 0 for entry in value))
 
-    def items(self, key: str) -> list[Node]:
+    def items(self, key: str) -> "list[Node]":
         """Return the mappings of the list under ``key``."""
         entries = self._get(key, "a list of mappings")
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):

@@ -12,8 +12,6 @@ NREL/TP-5000-63008), except where a function says otherwise. Such numbers are go
 most, the frequency of the tower, goes with the square root of the mass.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +39,7 @@ _DEFAULT_TORSION_DAMPING = 0.005
 _STEEL_SHEAR_MODULUS = 79.3e9
 
 
-def read_machine(root: Node, rated_power: float, rotor_diameter: float, n_blades: int, blade_mass: float) -> Machine:
+def read_machine(root: Node, rated_power: float, rotor_diameter: float, n_blades: int, blade_mass: float) -> "Machine":
     """Collect the arguments of the regressions for missing masses."""
     node = root.part("components.drivetrain.gearbox")
     kind = str(root.at("assembly").data.get("drivetrain", "")).lower()
@@ -58,12 +56,12 @@ def read_machine(root: Node, rated_power: float, rotor_diameter: float, n_blades
     )
 
 
-def _generator_mass(root: Node, machine: Machine) -> float:
+def _generator_mass(root: Node, machine: "Machine") -> float:
     node = root.part("components.drivetrain.generator")
     return node.number("mass", 0.0, 1e9) if node.gives("mass") else machine.generator_mass()
 
 
-def _estimated_masses(root: Node, machine: Machine) -> tuple[float, float, float, str]:
+def _estimated_masses(root: Node, machine: "Machine") -> tuple[float, float, float, str]:
     """Return hub, nacelle and yaw mass [kg] for a file that lacks them, and the words that say whence they come.
 
     A file that gives the mass of rotor and nacelle together (``components.RNA``, as WISDEM wrote it) has what the
@@ -83,7 +81,7 @@ def _estimated_masses(root: Node, machine: Machine) -> tuple[float, float, float
     return hub, nacelle, yaw, words
 
 
-def read_hub(root: Node, machine: Machine) -> Hub:
+def read_hub(root: Node, machine: "Machine") -> Hub:
     """Build the hub from ``components.hub``; mass, inertia and center of mass are estimated where missing."""
     node = root.at("components.hub")
     body = root.part("components.hub.elastic_properties")
@@ -118,7 +116,7 @@ def read_hub(root: Node, machine: Machine) -> Hub:
         )
 
 
-def read_nacelle(root: Node, blade: Blade, hub: Hub, machine: Machine) -> Nacelle:
+def read_nacelle(root: Node, blade: Blade, hub: Hub, machine: "Machine") -> Nacelle:
     """Build the nacelle from ``components.drivetrain`` and ``components.yaw``.
 
     windIO gives the horizontal overhang and the height of the apex above the tower top; along the shaft the overhang is
@@ -166,7 +164,7 @@ def yaw_actuator(blade: Blade, hub: Hub, n_blades: int, overhang: float, nacelle
     return inertia * omega**2, 2.0 * _YAW_DAMPING * inertia * omega
 
 
-def _nacelle_body(root: Node, machine: Machine, overhang: float, shaft_height: float) -> tuple[float, Array, Array]:
+def _nacelle_body(root: Node, machine: "Machine", overhang: float, shaft_height: float) -> tuple[float, Array, Array]:
     """Return mass, center of mass from the tower top (3,) and inertia about it (3, 3), estimated where missing."""
     body = root.part("components.drivetrain.elastic_properties")
     if body.gives("mass"):
@@ -190,7 +188,7 @@ def _nacelle_body(root: Node, machine: Machine, overhang: float, shaft_height: f
     return mass, center, inertia
 
 
-def _yaw_mass(root: Node, machine: Machine) -> float:
+def _yaw_mass(root: Node, machine: "Machine") -> float:
     """Return the mass at the yaw bearing [kg]; estimated only beside an estimated nacelle."""
     body = root.part("components.yaw.elastic_properties")
     if "mass" in body:
@@ -214,7 +212,7 @@ def _tensor(body: Node) -> Array:
     return tensor
 
 
-def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine) -> Drivetrain:
+def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: "Machine") -> Drivetrain:
     """Build the drivetrain from ``components.drivetrain`` and ``control``.
 
     The torsion spring and damper, both seen from the low-speed shaft, come from ``gearbox.elastic_properties`` or, as
@@ -250,7 +248,7 @@ def read_drivetrain(root: Node, blade: Blade, hub: Hub, machine: Machine) -> Dri
         )
 
 
-def _min_rotor_speed(root: Node, machine: Machine) -> float:
+def _min_rotor_speed(root: Node, machine: "Machine") -> float:
     """Return the lowest rotor speed of operation [rad/s], where a file has none that of the optimal ratio at cut-in."""
     control, assembly = root.at("control"), root.at("assembly")
     if control.gives("min_rotor_speed"):
@@ -266,7 +264,7 @@ def _min_rotor_speed(root: Node, machine: Machine) -> float:
     return speed
 
 
-def _generator_inertia(root: Node, machine: Machine) -> float:
+def _generator_inertia(root: Node, machine: "Machine") -> float:
     """Return the inertia of the generator about the high-speed shaft [kg m^2], estimated where it is missing."""
     node = root.part("components.drivetrain.generator")
     body = root.part("components.drivetrain.generator.elastic_properties")
@@ -279,7 +277,7 @@ def _generator_inertia(root: Node, machine: Machine) -> float:
     return inertia
 
 
-def _torsion(root: Node, rotor_inertia: float, machine: Machine) -> tuple[float, float]:
+def _torsion(root: Node, rotor_inertia: float, machine: "Machine") -> tuple[float, float]:
     """Return the torsional spring [N m/rad] and damper [N m s/rad] of the drivetrain at the low-speed shaft."""
     gearbox, body = (root.part(f"components.drivetrain.{part}") for part in ("gearbox", "elastic_properties"))
     geared = gearbox.part("elastic_properties")

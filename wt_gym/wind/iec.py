@@ -4,8 +4,6 @@ Formulas of IEC 61400-1, edition 4 (2019), clause 6.3. Every function takes SI u
 time take the seconds since the transient began, as a float or an array.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import cast
@@ -226,7 +224,7 @@ class TransientInflow(PointInflow):
         turbulence_class: str = "B",
         turbine_class: str = "I",
         start_time: float = 0.0,
-    ) -> TransientInflow:
+    ) -> "TransientInflow":
         """Extreme operating gust on the normal wind profile."""
         steady = _normal_profile(speed, hub_height)
         amplitude = operating_gust_amplitude(speed, hub_height, rotor_diameter, turbulence_class, turbine_class)
@@ -241,7 +239,7 @@ class TransientInflow(PointInflow):
         turbulence_class: str = "B",
         sign: int = 1,
         start_time: float = 0.0,
-    ) -> TransientInflow:
+    ) -> "TransientInflow":
         """Extreme direction change on the normal wind profile; ``sign`` +1 turns counter-clockwise from above."""
         steady = _normal_profile(speed, hub_height)
         angle = direction_change_amplitude(speed, hub_height, rotor_diameter, turbulence_class)
@@ -250,7 +248,7 @@ class TransientInflow(PointInflow):
     @classmethod
     def ecd(
         cls, speed: float, hub_height: float, rotor_diameter: float, sign: int = 1, start_time: float = 0.0
-    ) -> TransientInflow:
+    ) -> "TransientInflow":
         """Extreme coherent gust with direction change; ``sign`` +1 turns counter-clockwise from above."""
         steady = _normal_profile(speed, hub_height)
         angle = _sign(sign) * coherent_gust_direction(speed)
@@ -266,7 +264,7 @@ class TransientInflow(PointInflow):
         axis: str = "vertical",
         sign: int = 1,
         start_time: float = 0.0,
-    ) -> TransientInflow:
+    ) -> "TransientInflow":
         """Extreme wind shear; ``sign`` +1 speeds up the top (``"vertical"``) or the left (``"horizontal"``, +y)."""
         steady = _normal_profile(speed, hub_height)
         amplitude = _sign(sign) * wind_shear_amplitude(speed, hub_height, rotor_diameter, turbulence_class)

@@ -11,8 +11,6 @@ gust [m/s], and upflow [deg]. Directions are InflowWind's: a positive one blows 
 downwind), so that its sign is turned when it is read; so is nothing else.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 import os
@@ -124,7 +122,7 @@ class SeriesInflow(PointInflow):
         check_flag(self, "travels")
 
     @classmethod
-    def of(cls, columns: Mapping[str, Array | list[float]], **more: Any) -> SeriesInflow:
+    def of(cls, columns: Mapping[str, Array | list[float]], **more: Any) -> "SeriesInflow":
         """Of columns by name.
 
         Parameters
@@ -159,7 +157,7 @@ class SeriesInflow(PointInflow):
     @classmethod
     def step(
         cls, before: float, after: float, time: float, *, shear_exponent: float = 0.0, **more: Any
-    ) -> SeriesInflow:
+    ) -> "SeriesInflow":
         """A step of the wind speed.
 
         Parameters
@@ -176,7 +174,7 @@ class SeriesInflow(PointInflow):
     @classmethod
     def ramp(
         cls, before: float, after: float, time: float, duration: float, *, shear_exponent: float = 0.0, **more: Any
-    ) -> SeriesInflow:
+    ) -> "SeriesInflow":
         """A wind speed that changes in a straight line.
 
         Parameters

@@ -7,8 +7,6 @@ directory that cannot be written costs only the time of the next synthesis and i
 kept below :data:`MAX_BYTES` by removing the boxes not used for longest.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json
@@ -163,7 +161,7 @@ class TurbulenceBox:
             raise InflowError(f"tower must have shape ({samples.shape[0]}, n_tower, 3); got {tower.shape}")
         set_read_only(self, fluctuation=samples, tower=tower)
 
-    def carried_along(self, mean_speed: float, scale: float, description: str) -> TurbulenceBox:
+    def carried_along(self, mean_speed: float, scale: float, description: str) -> "TurbulenceBox":
         """The same field carried along at another speed [m/s] and multiplied by another ``scale``.
 
         The samples are shared, and not looked at again: a box of them takes no time.
@@ -180,10 +178,10 @@ class TurbulenceBox:
             object.__setattr__(box, field_.name, changes.get(field_.name, getattr(self, field_.name)))
         return box
 
-    def __copy__(self) -> TurbulenceBox:
+    def __copy__(self) -> "TurbulenceBox":
         return self
 
-    def __deepcopy__(self, memo: dict[int, object]) -> TurbulenceBox:
+    def __deepcopy__(self, memo: dict[int, object]) -> "TurbulenceBox":
         return self
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -203,7 +201,7 @@ class TurbulenceBox:
         *,
         cache: bool = True,
         **options: Any,
-    ) -> TurbulenceBox:
+    ) -> "TurbulenceBox":
         """Kaimal turbulence of IEC 61400-1 around a rotor, periodic in time.
 
         Each component has exactly zero mean (to float32 rounding) over the period at every point. The components
@@ -267,7 +265,7 @@ class TurbulenceBox:
         *,
         cache: bool = True,
         **options: Any,
-    ) -> TurbulenceBox:
+    ) -> "TurbulenceBox":
         """Turbulence of Mann's uniform shear model around a rotor, periodic in time; see `wt_gym.wind.mann`.
 
         Parameters

@@ -1,7 +1,5 @@
 """Thin airfoils in unsteady flow with the vortex lattice: sudden start, oscillation, gusts."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 
@@ -37,7 +35,7 @@ class UniformStream:
         self.vector = np.asarray(velocity, dtype=np.float64)
 
     @classmethod
-    def at_incidence(cls, alpha: float, speed: float = 1.0) -> UniformStream:
+    def at_incidence(cls, alpha: float, speed: float = 1.0) -> "UniformStream":
         """Stream that meets a wing in the y–z plane at the angle of attack ``alpha`` [rad]."""
         return cls(speed * np.array([np.sin(alpha), np.cos(alpha), 0.0]))
 

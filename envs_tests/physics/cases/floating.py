@@ -4,8 +4,6 @@ OpenFAST has blade elements with DBEMT, no drag of the tower and no shadow, a ri
 torsion. Its runs begin at rest, the platform displaced; ours begin and are judged in the same way.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Rigid rotors in uniform wind on the vortex lattice: power and thrust of the NREL 5-MW and the IEA 15-MW."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -124,7 +122,7 @@ class RigidRotor:
     air_density: float = 1.225
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, options: AeroOptions) -> RigidRotor:
+    def of_turbine(cls, turbine: Turbine, options: AeroOptions) -> "RigidRotor":
         """Rotor of a turbine of the catalog; coefficients refer to the nominal diameter."""
         return cls(
             blade_planform(turbine, options), turbine.n_blades, turbine.blade.root_radius,

@@ -14,8 +14,6 @@ finer its steps, would jump from one to the other. Such a fall is therefore give
 replaced by the largest lift below it that does not fall with the angle, and fst follows from the polar.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -32,7 +30,7 @@ from wt_gym.base.quantities import Array, Integers
 MOST_LISTED = 8  # panels that a message names
 SECTION_FIELDS = ("alpha0_lattice", "lift_slope", "moment0_lattice", "slope_angle")
 ARRAY_FIELDS = ("nodes", "chord", "edge_chord", "span_edges", "polars", *SECTION_FIELDS)
-Camber: TypeAlias = "Callable[[float, ArrayLike], tuple[ArrayLike, ArrayLike]]"
+Camber: TypeAlias = Callable[[float, ArrayLike], tuple[ArrayLike, ArrayLike]]
 """Height and slope of a camber line, in chords, at a span coordinate [m] and chord fractions."""
 FINE_PANELS = 48  # the zero-lift angle of measured camber lines is converged to 0.05 degrees
 
@@ -430,7 +428,7 @@ class SheddingEdge:
     chord: Array
 
     @classmethod
-    def of(cls, n_chord: int, n_span: int, edge_chord: ArrayLike, options: AeroOptions) -> SheddingEdge:
+    def of(cls, n_chord: int, n_span: int, edge_chord: ArrayLike, options: AeroOptions) -> "SheddingEdge":
         """Edges that the options let shed."""
         n_node = n_span + 1
         corner = n_chord * n_node + n_span

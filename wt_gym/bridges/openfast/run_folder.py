@@ -4,8 +4,6 @@ Blades and tower start bent as by a steady wind. The files that a model names ar
 that its folder can be moved.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import re
@@ -13,7 +11,7 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,16 +20,13 @@ from wt_gym.base.quantities import GRAVITY, Array
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, elastodyn_outputs, servodyn_outputs
 from wt_gym.bridges.openfast.model import POWERS, blade_sections, tower_sections
 from wt_gym.bridges.openfast.water import resting_place, write_sea
-from wt_gym.bridges.openfast.wind import write_wind
+from wt_gym.bridges.openfast.wind import PointLidar, write_wind
 from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.turbines import Turbine
 from wt_gym.turbines.blade_element import BladeElementRotor, BladeElements
 from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.wind import Inflow
 from wt_gym.wind.inflow import start_speed
-
-if TYPE_CHECKING:
-    from wt_gym.bridges.openfast.wind import PointLidar
 
 MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"}
 """Modules whose inputs can be changed, and the keywords of their files in the primary file (``"OpenFAST"``)."""

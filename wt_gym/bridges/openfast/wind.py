@@ -7,8 +7,6 @@ turbulence that does not change on its way. ServoDyn hands speeds and points to 
 from 2001 on. Single points are taken here: they alone lie across the rotor.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -216,7 +214,7 @@ class PointLidar(Lidar):
             )
 
     @classmethod
-    def of(cls, lidar: Lidar) -> PointLidar:
+    def of(cls, lidar: Lidar) -> "PointLidar":
         """What InflowWind can read of a lidar."""
         return cls(lidar.ranges, lidar.half_angle, lidar.n_beams, lidar.frozen, lidar.apart)
 

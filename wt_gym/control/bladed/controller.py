@@ -6,8 +6,6 @@ too, but never called. An isolated library runs in a process of its own (`wt_gym
 is an error of the controller and not the end of the training.
 """
 
-from __future__ import annotations
-
 import _ctypes
 import contextlib
 import ctypes
@@ -401,7 +399,7 @@ class BladedController:
             "_warned": set(self._warned),
         }
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> BladedController:
+    def __deepcopy__(self, memo: dict[int, Any]) -> "BladedController":
         made = object.__new__(type(self))
         made.__dict__.update(self.__getstate__())
         return made

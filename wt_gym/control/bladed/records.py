@@ -18,9 +18,11 @@ A lidar has the records from 2001 on (OpenFAST's ``BladedInterface_EX.f90``): it
 beams times gates points all speeds, all x, all y and all z of the points.
 """
 
+import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -54,63 +56,14 @@ class Record:
     meaning: str
 
 
-RECORDS = (
-    Record((1,), "-", "simulation", "status: 0 first call, 1 later calls, -1 last call"),
-    Record((2,), "s", "simulation", "time since the start of the controller"),
-    Record((3,), "s", "simulation", "time between calls"),
-    Record((4, 33, 34), "rad", "simulation", "pitch of blades 1 to 3"),
-    Record((5,), "rad", "turbine", "fine pitch"),
-    Record((6, 7), "rad", "turbine", "least and greatest pitch"),
-    Record((8, 9), "rad/s", "turbine", "least and greatest pitch rate"),
-    Record((10,), "-", "turbine", "0: the pitch drives follow angles"),
-    Record((13,), "W", "simulation", "demanded power of a grid operator; 0 without one"),
-    Record((14,), "W", "simulation", "shaft power"),
-    Record((15,), "W", "simulation", "electrical power"),
-    Record((16,), "N m s²/rad²", "turbine", "torque over the square of the generator speed below rated; 0 if unknown"),
-    Record((17, 18), "rad/s", "turbine", "least generator speed and generator speed at rated"),
-    Record((19,), "rad/s", "turbine", "rated generator speed"),
-    Record((20,), "rad/s", "simulation", "generator speed"),
-    Record((21,), "rad/s", "simulation", "rotor speed"),
-    Record((22,), "N m", "turbine", "rated generator torque"),
-    Record((23,), "N m", "simulation", "generator torque"),
-    Record((24,), "rad", "simulation", "yaw error: wind direction minus nacelle yaw"),
-    Record((27,), "m/s", "simulation", "horizontal wind speed at the hub"),
-    Record((28,), "-", "turbine", "1: individual pitch, 0: collective pitch"),
-    Record((29,), "-", "turbine", "0: yaw is commanded as a rate"),
-    Record((30, 31, 32), "N m", "simulation", "out-of-plane root moments of the coned blade, not pitched"),
-    Record((35,), "-", "controller", "generator contactor: 1 on; the simulation writes 1"),
-    Record((37,), "rad", "simulation", "nacelle yaw"),
-    Record((42, 43, 44), "rad", "controller", "pitch demands of blades 1 to 3, with individual pitch"),
-    Record((45,), "rad", "controller", "pitch demand, with collective pitch"),
-    Record((47,), "N m", "controller", "generator torque demand"),
-    Record((48,), "rad/s", "controller", "yaw rate demand"),
-    Record((49, 50, 51), "-", "turbine", "lengths of message, input file name and output name, with the final null"),
-    Record((53, 54), "m/s²", "simulation", "tower-top acceleration along x and y, which do not yaw with the nacelle"),
-    Record((60,), "rad", "simulation", "azimuth of blade 1, 0 when it points up"),
-    Record((61,), "-", "turbine", "number of blades"),
-    Record((62, 63, 64), "-", "turbine", "values for logging: most, first record, characters of their names"),
-    Record((69, 70, 71), "N m", "simulation", "in-plane root moments of the coned blade, not pitched"),
-    Record(
-        (82, 83, 84), "rad/s²", "simulation",
-        "angular acceleration of the nacelle about its axes, of a floating turbine: that of the platform, on which the "
-        "tower bends; else 0",
-    ),
-    Record((95,), "kg/m³", "turbine", "air density"),
-    Record((109,), "N m", "simulation", "torque in the low-speed shaft"),
-    Record((110,), "N", "simulation", "axial force in the low-speed shaft"),
-    Record((129,), "-", "turbine", "length of the array"),
-    Record(
-        tuple(range(1001, 1019)), "m, rad, s", "simulation",
-        "surge, sway, heave, roll, pitch and yaw of a floating platform, then their rates, then accelerations; else 0",
-    ),
-    Record((2001,), "-", "lidar", "kind of lidar, 3: pulsed"),
-    Record((2002, 2003), "-", "lidar", "1 beam, n gates; beams apart: their number, and that of the gates"),
-    Record(
-        (2005,), "m/s", "lidar",
-        "wind along the axis, mean over the beams of a cone, in n records, one a gate; from 2005 + n on x, y and z of "
-        "the gates on the axis [m], n records each; beams apart: n points, gate by gate, each where its beam is",
-    ),
-)  # fmt: skip
+def _read_records() -> tuple[Record, ...]:
+    """Records of the file."""
+    with Path(__file__).with_name("records.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))[1:]
+    return tuple(Record(tuple(map(int, numbers.split())), *words) for numbers, *words in rows)
+
+
+RECORDS = _read_records()
 """Records that are exchanged; every other one is zero."""
 
 AZIMUTH = 60 - 1

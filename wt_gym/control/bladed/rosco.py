@@ -11,8 +11,6 @@ wants the pole of the rotor speed at each wind, ``A(v) = (∂Q/∂Ω)/J`` at the
 section 3.5); here it is a central difference of the same coefficients.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import re

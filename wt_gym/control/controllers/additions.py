@@ -18,8 +18,6 @@ a dead-band of several degrees before the drive starts (compare ROSCO's Y_ErrThr
 Bossanyi et al., Energy Procedia 35 (2013) 177).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -101,7 +99,7 @@ class AboveRated:
         self._pitch, self._fresh = LowPass(parameters.time_constant), True
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, fade: FadeParameters | bool | float = True) -> AboveRated | None:
+    def of_turbine(cls, turbine: Turbine, fade: FadeParameters | bool | float = True) -> "AboveRated | None":
         """Fade of a turbine, by `fade_option`; None where nothing is to fade."""
         if fade is False:
             return None

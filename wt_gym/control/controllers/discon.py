@@ -10,8 +10,6 @@ in ROSCO's input files (Abbas et al., Wind Energ. Sci. 7 (2022) 53, section 3.2)
 the integral, so that a gain that changes with the pitch does not move the demand.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -167,7 +165,7 @@ class BaselineParameters:
         return LowPass(1.0 / self.corner_frequency)
 
     @classmethod
-    def from_turbine(cls, turbine: Turbine) -> BaselineParameters:
+    def from_turbine(cls, turbine: Turbine) -> "BaselineParameters":
         """Constants for a turbine: what its data publish (`wt_gym.turbines.ControlData`), the rest `by_rule`.
 
         A notch belongs to gains by rule: published gains stand as they are published.
@@ -197,7 +195,7 @@ class BaselineParameters:
         return replace(rule, **known)  # type: ignore[arg-type]  # each by its own field
 
     @classmethod
-    def by_rule(cls, turbine: Turbine, design: DesignPoint | None = None) -> BaselineParameters:
+    def by_rule(cls, turbine: Turbine, design: DesignPoint | None = None) -> "BaselineParameters":
         """Derive the constants from a turbine.
 
         The pitch gains place the closed-loop poles of the rotor speed (NREL/TP-500-38060, equations 7-15 and 7-16):

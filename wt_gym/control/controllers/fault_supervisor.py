@@ -24,8 +24,6 @@ of Odgaard, Stoustrup and Kinnaert (IEEE Trans. Control Syst. Technol. 21 (2013)
 reconfiguration.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -33,8 +33,6 @@ The motion is the pitch rate of the platform about the axis across the nacelle, 
 acceleration of the nacelle it holds neither surge nor the bending of the tower, nor weight.
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Collective pitch ahead of the wind: feed-forward from a lidar on the nacelle."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left
 from collections.abc import Sequence

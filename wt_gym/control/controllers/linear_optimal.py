@@ -23,19 +23,19 @@ largest. Values need decisions in neighboring intervals; a controller that is as
 intervals shows zeros.
 """
 
-from __future__ import annotations
-
 import bisect
 import itertools
 import json
 import math
 import zipfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from wt_gym.base.errors import ControllerError
@@ -43,19 +43,11 @@ from wt_gym.base.files import whole_file
 from wt_gym.base.options import Options, option, option_record
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.additions import AboveRated, FadeParameters
-from wt_gym.control.controllers.controller import part_of
+from wt_gym.control.controllers.controller import Controller, Readings, part_of
 from wt_gym.control.design import same_rotor, tower_top
 from wt_gym.control.sensors import FIXED_FRAME, BandLimitedIntegrator, LowPass, to_blades, to_harmonic, within
 from wt_gym.simulation.drivetrain.drives import pitch_delay
-from wt_gym.turbines import load_turbine
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from wt_gym.control.controllers.controller import Controller, Readings
-    from wt_gym.turbines import Turbine
+from wt_gym.turbines import Turbine, load_turbine
 
 OUTPUTS = ("flap_mean", "flap_tilt", "flap_yaw", "acceleration_fore_aft", "acceleration_side_side", "rotor_speed")
 """Flapwise root moments [N m], accelerations of the nacelle [m/s^2] and rotor speed [rad/s]."""
@@ -247,7 +239,7 @@ class LinearDesign:
         """Range in which offsets fade in."""
         return offset_fade(self.fade, self.fine_speed)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> LinearDesign:
+    def __deepcopy__(self, memo: dict[int, Any]) -> "LinearDesign":
         return self  # nothing in it changes
 
 
@@ -531,7 +523,7 @@ class LoadObserver:
         self._forget()
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LoadObserver:
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> "LoadObserver":
         """Observer of a design, with parameters of `ObserverOptions`.
 
         Raises
@@ -681,7 +673,7 @@ class LinearOptimalPitch(LoadObserver):
         self.gain = gain
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> LinearOptimalPitch:
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> "LinearOptimalPitch":
         """Controller of a design, with parameters of `LinearOptions`; errors as of a `LoadObserver`."""
         o = LinearOptions(**parameters)
         return cls(turbine, _design(turbine, o.file), o.gain)

@@ -16,8 +16,6 @@ docs/baselines.md says what they are worth. They were found on the NREL 5-MW. On
 dimension are the same, and times go with the turn of the rotor.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

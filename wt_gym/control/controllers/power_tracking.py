@@ -25,8 +25,6 @@ compare the ways; Lio, Mirzaei and Larsen, J. Phys. Conf. Ser. 1037 (2018) 03204
 Where no demanded power can be read, a share ``power_level`` of the rated power is followed.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -10,8 +10,6 @@ storm control (Markou and Larsen, EWEC 2009; Bossanyi and King, EWEA 2012; Petro
 524 (2014) 012052).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -31,8 +31,6 @@ both, this is wind. Their momentum ``J_r Omega_r + J_g Omega_g`` does not know i
 estimate, with a mode that grows; Omega then is the mean of both speeds by inertia.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -104,7 +102,7 @@ class WindEstimator:
     def of_turbine(
         cls, turbine: Turbine, bandwidth: float | None = None, table: RotorTable | None = None,
         reads_generator: bool = False,
-    ) -> WindEstimator:  # fmt: skip
+    ) -> "WindEstimator":  # fmt: skip
         """Make the estimator of a turbine.
 
         By default it has the table of `rotor_table.rotor_table` and the bandwidth of `bandwidth_of`. With
@@ -208,7 +206,7 @@ class SpeedExclusion:
         self.start()
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, half_width: float, crossing: float = 5.0) -> SpeedExclusion:
+    def of_turbine(cls, turbine: Turbine, half_width: float, crossing: float = 5.0) -> "SpeedExclusion":
         """Band about the resonance of a turbine: half width over the resonant speed [-], and time to cross it [s].
 
         Raises
@@ -357,7 +355,7 @@ class TsrTrackingParameters:
     the speed is below rated [rad]; 0: always."""
 
     @classmethod
-    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters: Any) -> TsrTrackingParameters:
+    def published(cls, turbine: Turbine, baseline: BaselineParameters, **parameters: Any) -> "TsrTrackingParameters":
         """Numbers of the turbine's own controller, by rule where its data say nothing.
 
         The baseline is that of the pitch law, the filter and the limits; parameters, of `TsrTrackingOptions`, go before
@@ -386,7 +384,7 @@ class TsrTrackingParameters:
         return replace(made, **given)  # type: ignore[arg-type]  # each by its own field
 
     @classmethod
-    def from_turbine(cls, turbine: Turbine, **parameters: Any) -> TsrTrackingParameters:
+    def from_turbine(cls, turbine: Turbine, **parameters: Any) -> "TsrTrackingParameters":
         """By rule, with parameters of `TsrTrackingOptions`.
 
         The torque gains place the poles of the rotor speed at ``torque_frequency`` [rad/s] and ``torque_damping``:
@@ -467,7 +465,7 @@ class TsrTrackingController:
         return self._wind.value
 
     @classmethod
-    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> TsrTrackingController:
+    def of_turbine(cls, turbine: Turbine, **parameters: Any) -> "TsrTrackingController":
         """By rule, with parameters of `TsrTrackingOptions`."""
         made = TsrTrackingParameters.from_turbine(turbine, **parameters)
         return cls(made, WindEstimator.of_turbine(turbine, parameters.get("estimator_bandwidth"), made.table))

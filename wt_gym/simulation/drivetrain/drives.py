@@ -6,8 +6,6 @@ all they remember is the command, an array that belongs to the state of the simu
 custom law, or one that wraps another and fails in some way, needs the same two methods (see `Law`).
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 import numbers
@@ -378,7 +376,7 @@ def _own_law(drivetrain: Drivetrain) -> GeneratorLaw:
 class Fault(Protocol):
     """What happens to drives, see `wt_gym.simulation.drivetrain.faults`."""
 
-    def fail(self, drives: Drives, clock: Callable[[], float]) -> None:
+    def fail(self, drives: "Drives", clock: Callable[[], float]) -> None:
         """Put laws that fail in the place of those that the drives have."""
         ...
 

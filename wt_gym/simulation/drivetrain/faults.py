@@ -7,8 +7,6 @@ the time is it asks a clock. A sensor that fails changes what controllers and ag
 Times count from the reset. A fault acts in the first step that begins at its time or later.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -38,7 +36,7 @@ class _InPlace:
     """A law in the place of a sound one: it moves as its fault lets it, and is the sound one in all else."""
 
     law: Any
-    fault: DriveFault
+    fault: "DriveFault"
     move: Callable[[Any, float, Array, Any, float, float], None]
     clock: Callable[[], float] = field(repr=False)
 
