@@ -309,12 +309,21 @@ class TestWaves:
         np.testing.assert_allclose(sea.elevation(t), z - 5.0 * np.cos(w * t), atol=1e-6)
         with pytest.raises(InflowError, match="must cover the duration of 300 s, got 200 s"):
             SeaState("file", file=path, duration=300.0).components(np.random.default_rng(0), 200.0)
+        np.savetxt(path, np.column_stack([t, z]), delimiter=",")  # without names
+        bare = SeaState("file", file=path, duration=200.0).components(np.random.default_rng(0), 200.0)
+        np.testing.assert_allclose(bare.amplitude, sea.amplitude, atol=1e-12)
+        with pytest.raises(
+            InflowError, match=r"must resolve waves up to high_cutoff, 0\.5 rad/s.* steps of 0\.5 s and 75%"
+        ):
+            SeaState("file", file=path, duration=200.0, high_cutoff=0.5).components(np.random.default_rng(0), 200.0)
 
     def test_refusals(self):
         with pytest.raises(InflowError, match=r"kind must be one of still, regular, .* got 'jonswop'; did you mean"):
             SeaState("jonswop")
         with pytest.raises(InflowError, match=r"high_cutoff must be at least two components above"):
             SeaState("white", 1.0, low_cutoff=1.25)
+        with pytest.raises(InflowError, match=r"must be at most 3\.55 m, where waves of 4 s break; got 25 m"):
+            SeaState("regular", 25.0, 4.0)
         with pytest.raises(InflowError, match=r"frequencies of waves must be from 0\.03 to .* got 3"):
             PlatformLoads(load_platform("oc4_semi"), 0.1).set_sea(WaveComponents([3.0], [1.0], [0.0], [0.0]))
 

@@ -127,7 +127,9 @@ class SeaState(WaveRecord):
     low_cutoff: float = option("least frequency of components", default=0.2, unit="rad/s", low=1e-3, high=10)
     high_cutoff: float = option("largest frequency of components", default=1.25, unit="rad/s", low=1e-2, high=20)
     file: Path | None = option(
-        "CSV file of time [s] and elevation [m] at the origin, with one line of names", default=None, otherwise="none"
+        "CSV file of time [s] and elevation [m] at the origin, with or without a line of names",
+        default=None,
+        otherwise="none",
     )
     duration: float = option("time within which nothing repeats", default=600.0, unit="s", low=10, high=LONGEST)
     current: tuple[float, ...] = option(
@@ -155,6 +157,12 @@ class SeaState(WaveRecord):
             raise InflowError(
                 f"SeaState.peak_period must lie between the cut-offs, {2.0 * math.pi / self.high_cutoff:.3g} to "
                 f"{2.0 * math.pi / self.low_cutoff:.3g} s, or most waves were left out; got {self.peak_period:g} s"
+            )
+        breaking = 0.142 * GRAVITY * self.peak_period**2 / (2.0 * math.pi)  # Miche (1944), in deep water
+        if self.kind == "regular" and self.significant_height > breaking:
+            raise InflowError(
+                f"SeaState.significant_height must be at most {breaking:.3g} m, where waves of {self.peak_period:g} s "
+                f"break; got {self.significant_height:g} m"
             )
         if self.peak_factor is not None and self.kind != "jonswap":
             raise InflowError(f"SeaState.peak_factor must be None for kind {self.kind!r}, got {self.peak_factor:g}")
@@ -259,7 +267,9 @@ class SeaState(WaveRecord):
 
     def _from_file(self) -> tuple[Array, Array, Array]:
         try:
-            data = np.loadtxt(str(self.file), delimiter=",", skiprows=1, ndmin=2)
+            rows = Path(str(self.file)).read_text(encoding="utf-8").splitlines()
+            has_names = any(letter.isalpha() and letter not in "eE" for letter in "".join(rows[:1]))
+            data = np.loadtxt(rows[has_names:], delimiter=",", ndmin=2)
         except (OSError, ValueError) as error:
             raise InflowError(f"SeaState.file must be a CSV file of numbers, {self.file} is not: {error}") from error
         if data.ndim != 2 or data.shape[1] < 2 or len(data) < 4 or not np.isfinite(data).all():
@@ -274,6 +284,13 @@ class SeaState(WaveRecord):
         transform = np.fft.rfft(data[:, 1]) / len(data)
         frequency = 2.0 * math.pi * np.fft.rfftfreq(len(data), step)
         inside = (frequency >= self.low_cutoff) & (frequency <= self.high_cutoff)
+        power = np.abs(transform[frequency >= self.low_cutoff]) ** 2
+        kept = np.sum(np.abs(transform[inside]) ** 2) / max(power.sum(), 1e-300)
+        if math.pi / step < self.high_cutoff or kept < 0.9:
+            raise InflowError(
+                f"SeaState.file must resolve waves up to high_cutoff, {self.high_cutoff:g} rad/s, and hold nine tenths "
+                f"of their variance below it; {self.file} has steps of {step:g} s and {kept:.0%}"
+            )
         frequency, transform = frequency[inside], transform[inside]
         twice = 2.0 * transform * np.exp(-1j * frequency * time[0])
         return frequency, np.abs(twice), np.angle(twice)
