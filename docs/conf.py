@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from docutils import nodes
+from jupyter_client import KernelManager
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = map(str, (ROOT, Path(__file__).parent, ROOT / "scripts", ROOT / "scripts" / "studies"))
@@ -48,6 +49,8 @@ nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_execution_in_temp = True
 nb_merge_streams = True
+if hasattr(KernelManager, "transport_encryption"):  # without it each kernel warns of an open socket
+    KernelManager.transport_encryption.default_value = "auto"
 
 autodoc_typehints = "none"  # the docstrings say it, with shapes and units
 autodoc_member_order = "bysource"

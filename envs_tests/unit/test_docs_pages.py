@@ -373,8 +373,8 @@ def table_of_the_readme():
 
 @statement
 def tables_of_the_crosscheck():
-    text = text_of("docs/crosscheck.md")
-    return text, filled(text, {"transfer": transfer.table, "loads": transfer.loads})
+    pages = [text_of(f"docs/{name}.md") for name in ("crosscheck", "studies/openfast")]
+    return pages, [filled(text, {"transfer": transfer.table, "loads": transfer.loads}) for text in pages]
 
 
 def test_nothing_imports_ray_that_does_not_ask_for_it():

@@ -100,8 +100,8 @@ def test_the_default_reward_ranks_the_controllers_as_the_page_states(record):
 
 def test_figures_of_the_tasks(record):
     """One row a reward: lifetime cost, then cost and energy in single winds."""
-    shown = {}
-    for names, *cells in re.findall(r"^\| ((?:`\w[\w-]+`(?:, )?)+)" + r" \| (\S+)" * 6 + r" \|$", PAGE, re.MULTILINE):
+    text, shown = (ROOT / "docs" / "studies" / "rewards.md").read_text(encoding="utf-8"), {}
+    for names, *cells in re.findall(r"^\| ((?:`\w[\w-]+`(?:, )?)+)" + r" \| (\S+)" * 6 + r" \|$", text, re.MULTILINE):
         for name in re.findall(r"`([\w-]+)`", names):
             shown[name] = [float(cell.replace("−", "-")) for cell in cells]
     found = study.of_tasks(record["runs"], record["lifetimes"])

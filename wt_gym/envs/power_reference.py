@@ -99,10 +99,10 @@ class GridOptions(Options):
     switch = "reference"
 
     reference: str | os.PathLike[str] | Sequence[Any] | np.ndarray | None = option(
-        'Power that is asked for. ``"reserve"``, a constant one; ``"steps"``, ``"ramps"``; ``"regulation"``, a '
+        'Demanded power. ``"reserve"``, a constant one; ``"steps"``, ``"ramps"``; ``"regulation"``, a '
         "band-limited signal of an automatic generation control; several of them: each episode draws one; or "
-        "your own course: rows of time [s] and positive power [W] with linear interpolation and the ends held, as an "
-        "array or as a CSV file (``.csv``). None: nothing is asked for",
+        "your own schedule: rows of time [s] and positive power [W] with linear interpolation and the ends held, as an "
+        "array or as a CSV file (``.csv``). None: no demand",
         default=None,
         flat="power_reference",
         kind="str, path, sequence or array, optional",

@@ -122,7 +122,7 @@ CATALOG = {
         linear_optimal.LinearOptimalPitch.of_turbine, linear_optimal.LinearOptions,
     ),
     "observer": Entry(
-        "addition", "Knows what disturbs the loads, beside a side-side damper, and adds nothing.",
+        "addition", "Observer of the disturbances of the loads, beside a side-side damper.",
         linear_optimal.LoadObserver.of_turbine, linear_optimal.ObserverOptions,
     ),
     "fore_aft_damper": Entry(
