@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from openfast_library import flown, openfast_driver, openfast_library
 
+from envs_tests.physics.cases.floating import peaks
 from wt_gym.bridges.openfast import OpenFASTSimulator, run_driver, write_model
 from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.simulation import Simulator
@@ -23,14 +24,9 @@ OMEGA = 2.0 * np.pi / PERIOD
 
 
 def turning_points(time, values):
-    """Times and values of extremes, by parabolas through three samples."""
-    points = []
-    for k in range(1, len(time) - 1):
-        before, after = values[k] - values[k - 1], values[k + 1] - values[k]
-        if before * after < 0.0:
-            shift = 0.5 * (before + after) / (before - after)
-            points.append((time[k] + shift * (time[k + 1] - time[k]), values[k] + 0.25 * (before + after) * shift))
-    return np.array(points)
+    """Times and values of the extremes (n, 2) of a motion about zero."""
+    points = np.hstack([peaks(time, values), np.multiply([[1.0], [-1.0]], peaks(time, -values))])
+    return points[:, np.argsort(points[0])].T
 
 
 @pytest.mark.skipif(openfast_driver() is None or not SERIES.is_file(), reason="needs the driver and reference series")
