@@ -76,10 +76,10 @@ def _read_tasks() -> dict[str, Task]:
         shared[name] = shared.get(values.pop("like", ""), {}) | _value(values)
     tasks = {}
     for name, table in tables.items():
-        own = _value(table.pop("arguments"))
-        base = shared[own.pop("like")]
-        turbine = RECORDS[own.get("turbine", base["turbine"])]
-        tasks[name] = Task(name, **table, arguments=base | turbine.arguments | own)
+        arguments = _value(table.pop("arguments"))
+        base = shared[arguments.pop("like")]
+        turbine = RECORDS[arguments.get("turbine", base["turbine"])]
+        tasks[name] = Task(name, **table, arguments=base | turbine.arguments | arguments)
     return tasks
 
 

@@ -78,11 +78,11 @@ def test_period_of_a_sea_is_told_as_it_is(turbine, tmp_path):
     time = np.arange(0.0, 600.0, 0.5)
     file = tmp_path / "waves.csv"
     file.write_text("t,z\n" + "\n".join(f"{t},{math.sin(0.9 * t)}" for t in time))
-    told = [
+    periods = [
         SeaTerm(turbine, sea, False).sea(np.random.default_rng(0), 12.0, 300.0).first_info()["peak_wave_period"]
         for sea in ({"kind": "file", "file": file}, "still", {"significant_height": 3.0, "peak_period": 8.0})
     ]
-    assert told == pytest.approx([2.0 * math.pi / 0.9, 0.0, 8.0], rel=0.02)
+    assert periods == pytest.approx([2.0 * math.pi / 0.9, 0.0, 8.0], rel=0.02)
 
 
 def test_high_speed_costs_from_115_percent_on(turbine):

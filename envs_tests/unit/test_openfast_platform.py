@@ -192,7 +192,7 @@ def test_second_order_is_left_aside_with_a_note(files, oc4, tmp_path):
     assert written(files, tmp_path, *changes).mass == pytest.approx(oc4.floater.mass)
     read_openfast_platform(model := Model(tmp_path / "turbine.fst"))
     assert "hydrodyn.dat: left aside: DiffQTF 12; wave forces are of first order" in model.notes
-    assert any("ExctnMod 0" in note for note in model.notes)
+    assert any("hydrodyn.dat: left aside: ExctnMod 0" in note for note in model.notes)
 
 
 def test_fixed_platforms_stand_on_the_ground(files, tmp_path):

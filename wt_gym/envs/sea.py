@@ -94,10 +94,10 @@ class EpisodeSea:
 
     def first_info(self) -> dict[str, Any]:
         """Its part of the info of a reset."""
-        one, period = self.components, self.state.peak_period
-        height = 4.0 * math.sqrt(0.5 * float(np.sum(one.amplitude**2)))
+        waves, period = self.components, self.state.peak_period
+        height = 4.0 * math.sqrt(0.5 * float(np.sum(waves.amplitude**2)))
         if self.state.kind not in ("regular", "jonswap", "pierson_moskowitz"):  # others are told no period
-            period = 2.0 * math.pi / float(one.frequency[np.argmax(one.amplitude)]) if height > 0.0 else 0.0
+            period = 2.0 * math.pi / float(waves.frequency[np.argmax(waves.amplitude)]) if height > 0.0 else 0.0
         return {"significant_wave_height": height, "peak_wave_period": period}
 
 

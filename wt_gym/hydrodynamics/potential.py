@@ -25,9 +25,9 @@ ORDER = 10
 _COUPLED = 1e-3  # least coupling that counts, of the peaks of both motions
 _PASSIVE = 0.005, 300.0  # range in which the least eigenvalue of Re K is not negative [rad/s]
 _MARGIN = 2e-5  # least eigenvalue over the peak, at 1 rad/s
+_CUTS = 15  # steps of the search for it
 _IRREGULAR = 3.0  # imaginary part over damping; both have peaks of one size where the flow has them
 _TIMES = 6  # of the impulse response in half a period of the highest frequency
-_CUTS = 15  # steps of the search for it
 _LEAST_DAMPED = 0.03  # least damping ratio of a pole
 _LOW, _HIGH = (
     0.4,

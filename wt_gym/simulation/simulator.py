@@ -167,8 +167,8 @@ class Simulator(DrivenSimulator):
             with its velocities and accelerations; ``tower_top`` is then left aside. Modal coordinates, formulation
             "embedded" and an explicit integrator only.
         platform : array (12,), optional
-            Slow motion of a floating turbine at the start: surge, sway, heave, roll, pitch, yaw and their rates
-            [m, rad; m/s, rad/s], by default those of the balance. The motion by the waves of the start is added to it.
+            Slow motion of a floater at the start: surge, sway, heave, roll, pitch, yaw and their rates [m, rad; m/s,
+            rad/s], angles from -1 to 1, by default those of the balance. The motion by the waves of the start is added.
 
         Raises
         ------

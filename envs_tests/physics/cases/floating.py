@@ -1,7 +1,7 @@
 """Floating turbines against OpenFAST: free decays, regular waves, control in steady wind, turbulence with waves.
 
 OpenFAST has blade elements with DBEMT, no drag of the tower and no shadow, a rigid drive train and blades without
-torsion. Its runs begin at rest, the platform displaced; ours begin and are judged in the same way.
+torsion. Runs begin at rest, the platform displaced; for VolturnUS-S in waves OpenFAST's response has settled first.
 """
 
 import json
