@@ -96,7 +96,7 @@ class EpisodeSea:
         """Its part of the info of a reset."""
         waves, period = self.components, self.state.peak_period
         height = 4.0 * math.sqrt(0.5 * float(np.sum(waves.amplitude**2)))
-        if self.state.kind not in ("regular", "jonswap", "pierson_moskowitz"):  # others are told no period
+        if self.state.kind not in ("regular", "jonswap", "pierson_moskowitz"):  # the state of others has no period
             period = 2.0 * math.pi / float(waves.frequency[np.argmax(waves.amplitude)]) if height > 0.0 else 0.0
         return {"significant_wave_height": height, "peak_wave_period": period}
 

@@ -59,17 +59,17 @@ TOWER_TOP_PARITIES = np.array([1.0, -1.0, 1.0, -1.0])
 TOWER_TOP_PARITIES.flags.writeable = False
 
 
-def _read_channels(each: str) -> tuple[tuple[str, str, str, int, str], ...]:
-    """Channels of the file, one each "turbine", "blade" or mooring "line": name to description as in `Channel`."""
+def _read_channels() -> dict[str, list[tuple[str, str, str, int, str]]]:
+    """Channels of the file, name to description as in `Channel`, one each "turbine", "blade" or mooring "line"."""
+    channels: dict[str, list[tuple[str, str, str, int, str]]] = {"turbine": [], "blade": [], "line": []}
     with Path(__file__).with_name("channels.csv").open(encoding="utf-8", newline="") as file:
-        return tuple(
-            (row["name"], row["unit"], row["openfast"], int(row["parity"]), row["description"])
-            for row in csv.DictReader(file)
-            if row["each"] == each
-        )
+        for row in csv.DictReader(file):
+            channel = row["name"], row["unit"], row["openfast"], int(row["parity"]), row["description"]
+            channels[row["each"]].append(channel)
+    return channels
 
 
-_SINGLE, _PER_BLADE, _PER_LINE = map(_read_channels, ("turbine", "blade", "line"))
+_SINGLE, _PER_BLADE, _PER_LINE = _read_channels().values()
 _MOTIONS = (("surge", "x", EVEN), ("sway", "y", ODD), ("heave", "z", EVEN),
             ("roll", "x", ODD), ("pitch", "y", EVEN), ("yaw", "z", ODD))  # fmt: skip
 MOTIONS = tuple(name for name, _, _ in _MOTIONS)
