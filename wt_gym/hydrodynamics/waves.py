@@ -156,7 +156,7 @@ class SeaState(WaveRecord):
         ):
             raise InflowError(
                 f"SeaState.peak_period must lie between the cut-offs, {2.0 * math.pi / self.high_cutoff:.3g} to "
-                f"{2.0 * math.pi / self.low_cutoff:.3g} s, or most waves were left out; got {self.peak_period:g} s"
+                f"{2.0 * math.pi / self.low_cutoff:.3g} s, or most waves are left out; got {self.peak_period:g} s"
             )
         breaking = 0.142 * GRAVITY * self.peak_period**2 / (2.0 * math.pi)  # Miche (1944), in deep water
         if self.kind == "regular" and self.significant_height > breaking:
@@ -221,7 +221,7 @@ class SeaState(WaveRecord):
         Raises
         ------
         InflowError
-            If the file cannot be read, is not equally spaced or is shorter than the duration.
+            If the file cannot be read, is not equally spaced, shorter than the duration or too coarse.
         """
         frequency: Array
         amplitude: Array
@@ -268,8 +268,8 @@ class SeaState(WaveRecord):
     def _from_file(self) -> tuple[Array, Array, Array]:
         try:
             rows = Path(str(self.file)).read_text(encoding="utf-8").splitlines()
-            has_names = any(letter.isalpha() and letter not in "eE" for letter in "".join(rows[:1]))
-            data = np.loadtxt(rows[has_names:], delimiter=",", ndmin=2)
+            words = set(filter(str.isalpha, "".join(rows[:1]).lower())) - set("nanife")  # numbers have nan, inf and e
+            data = np.loadtxt(rows[bool(words) :], delimiter=",", ndmin=2)
         except (OSError, ValueError) as error:
             raise InflowError(f"SeaState.file must be a CSV file of numbers, {self.file} is not: {error}") from error
         if data.ndim != 2 or data.shape[1] < 2 or len(data) < 4 or not np.isfinite(data).all():
@@ -285,11 +285,11 @@ class SeaState(WaveRecord):
         frequency = 2.0 * math.pi * np.fft.rfftfreq(len(data), step)
         inside = (frequency >= self.low_cutoff) & (frequency <= self.high_cutoff)
         power = np.abs(transform[frequency >= self.low_cutoff]) ** 2
-        kept = np.sum(np.abs(transform[inside]) ** 2) / max(power.sum(), 1e-300)
-        if math.pi / step < self.high_cutoff or kept < 0.9:
+        share = np.sum(np.abs(transform[inside]) ** 2) / max(power.sum(), 1e-300)
+        if math.pi / step < self.high_cutoff or share < 0.9:
             raise InflowError(
                 f"SeaState.file must resolve waves up to high_cutoff, {self.high_cutoff:g} rad/s, and hold nine tenths "
-                f"of their variance below it; {self.file} has steps of {step:g} s and {kept:.0%}"
+                f"of their variance below it; {self.file} has steps of {step:g} s and {share:.0%}"
             )
         frequency, transform = frequency[inside], transform[inside]
         twice = 2.0 * transform * np.exp(-1j * frequency * time[0])
