@@ -295,14 +295,14 @@ def test_resting_place_of_published_numbers():
 
 
 def test_resting_place_turns_with_the_nacelle(oc4):
-    """A third of a turn of nacelle and thrust, by which the platform is the same, turns the displacement."""
+    """A third of a turn of thrust and current, by which the platform is the same, turns the displacement."""
     third = 2.0 * np.pi / 3.0
-    ahead, turned = (resting_place(oc4, 6e5, 0.0, yaw) for yaw in (0.0, third))
-    assert ahead[0] == pytest.approx(7.3, abs=0.5)
-    cos, sin = np.cos(third), np.sin(third)
-    turn = np.array([[cos, -sin], [sin, cos]])
-    np.testing.assert_allclose(turned[:2], turn @ ahead[:2], rtol=0.01, atol=0.05)
-    np.testing.assert_allclose(turned[3:5], turn @ ahead[3:5], rtol=0.01, atol=1e-3)
+    assert resting_place(oc4, 6e5, 0.0, 0.0)[0] == pytest.approx(7.3, abs=0.5)
+    seas = [SeaState(current=(np.cos(yaw), np.sin(yaw))).components(None, 200.0) for yaw in (0.0, third)]
+    ahead, turned = (resting_place(oc4, 6e5, 0.0, yaw, sea) for yaw, sea in zip((0.0, third), seas, strict=True))
+    assert ahead[0] > 9.0
+    first, second = (place[[0, 3]] + 1j * place[[1, 4]] for place in (ahead, turned))
+    np.testing.assert_allclose(second, first * np.exp(1j * third), rtol=0.01, atol=1e-3)
 
 
 def test_a_rotor_that_turns_the_other_way_floats_on_the_image(oc4, tmp_path):

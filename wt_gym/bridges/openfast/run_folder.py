@@ -318,15 +318,10 @@ class BentTurbine:
         )  # fmt: skip
 
     def start(
-        self,
-        inflow: Inflow,
-        rotor_speed: float,
-        pitch: Array,
-        azimuth: float,
-        yaw: float,
-        tower_top: Array | None = None,
-    ) -> RunStart:
-        """Start of a run in a wind.
+        self, inflow: Inflow, rotor_speed: float, pitch: Array, azimuth: float, yaw: float,
+        tower_top: Array | None = None, sea: WaveComponents | None = None,
+    ) -> RunStart:  # fmt: skip
+        """Start of a run in a wind and the current of a sea.
 
         Parameters
         ----------
@@ -350,7 +345,7 @@ class BentTurbine:
         if self._turns(wind, rotor_speed):
             loads = self._elements.solve(wind, rotor_speed, mean_pitch)
             thrust, torque = float(loads["thrust"][0]), float(loads["power"][0]) / rotor_speed
-        place = resting_place(self._turbine, thrust, torque, yaw)
+        place = resting_place(self._turbine, thrust, torque, yaw, sea)
         if tower_top is None:  # a tower that leans bends under its own weight
             top = top[0] + self._push * self._weight * place[4], top[1] - self._push * self._weight * place[3]
         return RunStart(speed, azimuth, yaw, pitch, top, tips, place)

@@ -213,9 +213,9 @@ class OpenFASTSimulator(DrivenSimulator):
         command = self.drives.command
         angles = command[PITCH].copy()
         displaced = None if tower_top is None else tower_top[:2]
-        start = self._bent.start(self.inflow, rotor_speed, angles, azimuth, yaw, displaced)
+        sea = self._sea.mirrored() if self._sea is not None and self.mirrored else self._sea
+        start = self._bent.start(self.inflow, rotor_speed, angles, azimuth, yaw, displaced, sea)
         try:
-            sea = self._sea.mirrored() if self._sea is not None and self.mirrored else self._sea
             primary = prepare_run(
                 self.model, self._folder, self._image, self._felt, start, RunTimes(self.openfast_step, self._duration),
                 None if self._relay is None else ServedController(str(self._relay), self._relay.name), self._changes,

@@ -286,7 +286,9 @@ def _write_moordyn(platform: Platform, path: Path) -> None:
 # ---- start -----------------------------------------------------------------------------------------------------------
 
 
-def resting_place(turbine: Turbine, thrust: float, torque: float, yaw: float) -> Array:
+def resting_place(
+    turbine: Turbine, thrust: float, torque: float, yaw: float, sea: WaveComponents | None = None
+) -> Array:
     """Displacement and rotation (6,) of a platform under constant loads of a rigid turbine [m], [rad].
 
     A tower that bends adds about a tenth of a degree on VolturnUS-S.
@@ -297,6 +299,8 @@ def resting_place(turbine: Turbine, thrust: float, torque: float, yaw: float) ->
         Of the air on the rotor, along and about the shaft [N], [N m].
     yaw : float
         Of the nacelle [rad].
+    sea : WaveComponents, optional
+        Its current pushes the platform.
 
     Raises
     ------
@@ -306,6 +310,7 @@ def resting_place(turbine: Turbine, thrust: float, torque: float, yaw: float) ->
     platform, nacelle, hub, tower = turbine.floater, turbine.nacelle, turbine.hub, turbine.tower
     assert platform is not None
     loads = PlatformLoads(replace(platform, gravity=GRAVITY), 0.1)
+    loads.set_sea(sea)
     turn = Rotation.from_euler("z", yaw).as_matrix()
     shaft = turn @ np.array([math.cos(nacelle.tilt), 0.0, -math.sin(nacelle.tilt)])
     top = np.array([0.0, 0.0, tower.height])
@@ -326,7 +331,7 @@ def resting_place(turbine: Turbine, thrust: float, torque: float, yaw: float) ->
     def residual(unknown: Array) -> Array:
         position = unknown * scale
         rotation = Rotation.from_euler("XYZ", position[3:]).as_matrix()
-        force = loads.static_force(position[:3], rotation)
+        force = loads.static_force(position[:3], rotation) + loads.current_force(rotation)
         push = rotation @ shaft * thrust
         force[:3] += push - np.array([0.0, 0.0, weight.sum()])
         force[3:] += np.cross(rotation @ apex, push) + rotation @ shaft * torque
