@@ -68,21 +68,24 @@ def test_seas_that_are_none_are_refused(turbine):
     for sea in ({"significant_height": 30.0, "peak_period": 3.0}, {"low_cutoff": 0.7, "peak_period": 10.0}):
         with pytest.raises(InflowError, match="peak_period must lie between the cut-offs"):
             SeaTerm(turbine, sea, False)
-    for value in (None, "wide", math.nan, 30.0):
+    for value in (None, True, "wide", math.nan, 30.0):
         with pytest.raises(ValueError, match="'misalignment' must be between 0 and pi rad"):
             SeaTerm(turbine, {"misalignment": value}, False)
 
 
 def test_period_of_a_sea_is_told_as_it_is(turbine, tmp_path):
-    """A file, given components and still water have not the ten seconds of a default."""
+    """A file, white noise and still water have not the ten seconds of a default."""
     time = np.arange(0.0, 600.0, 0.5)
     file = tmp_path / "waves.csv"
     file.write_text("t,z\n" + "\n".join(f"{t},{math.sin(0.9 * t)}" for t in time))
     periods = [
         SeaTerm(turbine, sea, False).sea(np.random.default_rng(0), 12.0, 300.0).first_info()["peak_wave_period"]
-        for sea in ({"kind": "file", "file": file}, "still", {"significant_height": 3.0, "peak_period": 8.0})
-    ]
-    assert periods == pytest.approx([2.0 * math.pi / 0.9, 0.0, 8.0], rel=0.02)
+        for sea in (
+            {"kind": "file", "file": file}, "still", {"kind": "white", "significant_height": 2.0},
+            {"significant_height": 3.0, "peak_period": 8.0},
+        )
+    ]  # fmt: skip
+    assert periods == pytest.approx([2.0 * math.pi / 0.9, 0.0, 0.0, 8.0], rel=0.02)
 
 
 def test_high_speed_costs_from_115_percent_on(turbine):

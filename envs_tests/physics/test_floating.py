@@ -76,6 +76,24 @@ def test_start_in_a_current_is_a_balance():
     simulator.sea = None
 
 
+def test_a_slow_motion_moves_with_the_current():
+    """That of still water, a platform at its place there, begins where the current holds it."""
+    simulator = running()
+
+    def place(current, **motion):
+        simulator.sea = WaveComponents([0.6], [0.0], [0.0], [0.0], current=current)
+        signals = simulator.reset(**RATED, **motion)
+        return np.array([signals[f"platform_{name}"] for name in ("surge", "sway", "heave", "roll", "pitch", "yaw")])
+
+    still, pushed = place((0.0, 0.0)), place((0.8, 0.3))
+    rates = 0.01 * np.ones(6)
+    begun = place((0.8, 0.3), platform=np.concatenate([still, rates]))
+    simulator.sea = None
+    assert pushed[0] - still[0] > 2.0
+    assert begun == pytest.approx(pushed, abs=0.02 * (pushed[0] - still[0]))
+    assert begun[3:] == pytest.approx(pushed[3:], abs=2e-4)
+
+
 def test_the_start_is_a_balance():
     """Without waves nothing moves the platform in the first seconds; thrust times lever is what tilts it."""
     simulator = running()

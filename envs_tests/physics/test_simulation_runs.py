@@ -294,6 +294,7 @@ def test_blades_start_in_the_motion_of_their_weight(simulator):
         ({"tower_top": [0.1, 0.0]}, "tower_top must be 4 finite numbers"),
         ({"tower_top": [0.0, 0.0, np.nan, 0.0]}, "tower_top must be 4 finite numbers"),
         ({"motion": np.zeros(3)}, "motion must be"),
+        ({"yaw": 40.0}, "yaw must be within one turn"),  # degrees
     ],
 )
 def test_a_start_of_another_form_is_refused(simulator, start, message):

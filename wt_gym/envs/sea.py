@@ -61,7 +61,7 @@ class SeaChoice:
             )
         fields = dict(value)
         spread = fields.pop(MISALIGNMENT, 0.0)
-        if not (isinstance(spread, (int, float, np.number)) and 0.0 <= spread <= math.pi):
+        if not (isinstance(spread, (int, float, np.number)) and spread is not True and 0.0 <= spread <= math.pi):
             raise ValueError(f"sea {MISALIGNMENT!r} must be between 0 and pi rad, got {spread!r}")
         fields.setdefault("kind", "jonswap")
         return cls(SeaState(**fields), float(spread))
@@ -96,8 +96,10 @@ class EpisodeSea:
         """Its part of the info of a reset."""
         waves, period = self.components, self.state.peak_period
         height = 4.0 * math.sqrt(0.5 * float(np.sum(waves.amplitude**2)))
-        if self.state.kind not in ("regular", "jonswap", "pierson_moskowitz"):  # the state of others has no period
-            period = 2.0 * math.pi / float(waves.frequency[np.argmax(waves.amplitude)]) if height > 0.0 else 0.0
+        if self.state.kind == "file" and height > 0.0:  # whose state has no period
+            period = 2.0 * math.pi / float(waves.frequency[np.argmax(waves.amplitude)])
+        elif self.state.kind not in ("regular", "jonswap", "pierson_moskowitz"):
+            period = 0.0  # no peak
         return {"significant_wave_height": height, "peak_wave_period": period}
 
 

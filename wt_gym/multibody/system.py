@@ -300,7 +300,16 @@ class MultibodySystem:
         return slice(start, start + rows[constraint])
 
     def index(self, body: int, what: str) -> int:
-        """Index of the first "joint_q", "joint_u", "elastic_q", "elastic_u" or "servo" entry of a body."""
+        """Index of the first "joint_q", "joint_u", "elastic_q", "elastic_u" or "servo" entry of a body.
+
+        Raises
+        ------
+        MultibodyError
+            For the coordinates of a joint that has none: the index would be that of the next joint.
+        """
+        if what.startswith("joint") and self.joints[body].n_velocity == 0:
+            name, kind = self.bodies[body].name, self.joints[body].kind
+            raise MultibodyError(f"body must have a joint with coordinates, got {name!r}, whose joint is {kind!r}")
         return self._index[body][what]
 
     def initial_state(self) -> Array:

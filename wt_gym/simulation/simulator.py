@@ -181,6 +181,8 @@ class Simulator(DrivenSimulator):
         check_finite(rotor_speed=rotor_speed, azimuth=azimuth, yaw=yaw)
         if not 0.0 <= rotor_speed < limit:
             raise ActionError(f"rotor_speed is {rotor_speed} rad/s; must be 0 … {limit:.3f} rad/s")
+        if abs(yaw) > 2.0 * np.pi:
+            raise ActionError(f"yaw must be within one turn to either side, got {yaw} rad")
         tower_top = self._checked_tower_top(tower_top)
         if motion is not None:
             motion = np.asarray(motion, dtype=float)

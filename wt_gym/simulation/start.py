@@ -1,6 +1,7 @@
 """The start of a simulation: turbine, wake and generator in balance with each other."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -276,8 +277,9 @@ class Starter:
     def _float(self, y: Array, platform: Array | None) -> Array | None:
         """Motion of a floater (y, in place) amid its waves; returns the memory of the water.
 
-        To the balance, or a slow motion in its place, the harmonic answer to the waves of time zero is added. The
-        elastic coordinates then balance the loads of this instant, the floater moving freely.
+        To the balance, or a slow motion in its place, the harmonic answer to the waves of time zero is added. A slow
+        motion belongs to still water: a current moves it as far as it moves the balance. The elastic coordinates then
+        balance the loads of this instant, the floater moving freely.
         """
         c = self._balanced
         s, response, b = c.models.structure, c.wave_response, c.models.structure.floater
@@ -289,13 +291,23 @@ class Starter:
         if platform is None and not np.any(amid.displacement):
             return None
         if platform is not None:
-            y[places], y[system.n_q + places] = platform[:6], platform[6:]
+            y[places] += platform[:6] - self._still(y)[places]
+            y[system.n_q + places] = platform[6:]
         y[places] += amid.displacement
         y[system.n_q + places] += amid.velocity
         c.begin_to_float(y, amid.radiation)
         elastic_equilibrium(system, y, c.integrator.inputs, c.integrator.work, (s.azimuth_u, *places.tolist()),
                             _balances_forces(c.models.fidelity))  # fmt: skip
         return amid.radiation
+
+    def _still(self, y: Array) -> Array:
+        """Return the state in which a floater that rests in a current would rest without it; in still water y."""
+        c, rest = self._balanced, y.copy()
+        if c.platform is not None and c.platform.arrays.current.any():
+            elastic_equilibrium(c.models.structure.system, rest, c.integrator.inputs, c.integrator.work,
+                                (c.models.structure.azimuth_u,), _balances_forces(c.models.fidelity), 0.0,
+                                partial(c.float_at_rest, current=False))  # fmt: skip
+        return rest
 
     def _sway(self, y: Array, tower_top: Array) -> None:
         """Displacement and motion of the tower top (y, in place) in its first modes."""

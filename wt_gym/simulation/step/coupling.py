@@ -442,15 +442,15 @@ class Coupling:
         self.exchange = self.exchange._replace(water=water._replace(platform=self.platform.arrays))
         self._bundles = None
 
-    def float_at_rest(self, y: Array) -> None:
-        """Loads of water, current and lines on a floater at rest in the state y, into the inputs; without waves."""
+    def float_at_rest(self, y: Array, current: bool = True) -> None:
+        """Loads of water, lines and, where wanted, current on a floater at rest in y, into the inputs; no waves."""
         assert self.platform is not None
         s, system = self.models.structure, self.models.structure.system
         assert s.floater is not None
         rotation, q = np.zeros((3, 3)), system.index(s.floater, "joint_q")
         cardan_rotation(y[q + 3 : q + 6], rotation)
         force = self.platform.static_force(y[q : q + 3].copy(), rotation)
-        if self.platform.arrays.current.any():
+        if current and self.platform.arrays.current.any():
             force += self.platform.current_force(rotation)
         self.integrator.inputs.body_loads[:, s.floater, :3] = force[:3] @ rotation
         self.integrator.inputs.body_loads[:, s.floater, 3:6] = force[3:] @ rotation

@@ -299,8 +299,9 @@ class StateIndices(NamedTuple):
         s, n_q, drive = structure, structure.system.n_q, turbine.drivetrain
 
         def joint(body: int, flexible: bool) -> tuple[int, int]:
-            q, u = s.system.index(body, "joint_q"), n_q + s.system.index(body, "joint_u")
-            return (q, u) if flexible else (-1, -1)
+            if not flexible:
+                return -1, -1
+            return s.system.index(body, "joint_q"), n_q + s.system.index(body, "joint_u")
 
         return cls(
             s.azimuth_q, n_q + s.azimuth_u, *joint(s.hub, s.shaft_flexible), *joint(s.nacelle, s.yaw_flexible), s.tower,
