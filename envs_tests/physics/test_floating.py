@@ -194,11 +194,12 @@ def test_feedback_damps_the_platform_with_gains_on_land():
     assert rows[-300:, 4] == pytest.approx(12.1, rel=0.005)
 
 
-def test_energy_of_a_floater_without_damping():
+@pytest.mark.parametrize("duration", [30, pytest.param(600, marks=pytest.mark.slow)])
+def test_energy_of_a_floater_without_damping(duration):
     """The sum of kinetic, elastic, gravitational and hydrostatic energy is constant at small angles.
 
     Linear hydrostatics have a potential to first order in the angles: at ten times the displacements the sum swings by
-    0.3 % of the kinetic energy, with any time step, and does not drift.
+    0.3 % of the kinetic energy, with any time step, and does not drift. The step of the training adds 1e-4.
     """
     turbine = load_turbine(NAMES["oc4"])
     bare = replace(turbine.floater, members=(), plates=(), lines=(),
@@ -210,19 +211,20 @@ def test_energy_of_a_floater_without_damping():
     blade = replace(turbine.blade, damping_ratio=0.0)
     still = replace(turbine, floater=bare, tower=tower, blade=blade)
     object.__setattr__(still, "air_density", 1e-7)  # a turbine has at least 0.1
-    simulator = Simulator(still, SteadyInflow(0.01, hub_height=still.hub_height), fidelity("training"))
+    fine = replace(fidelity("training"), time_step=0.01)
+    simulator = Simulator(still, SteadyInflow(0.01, hub_height=still.hub_height), fine)
     start = np.array([0.3, 0.1, 0.05, 0.002, 0.005, 0.005])
     simulator.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0, platform=np.concatenate([start, np.zeros(6)]))
     system, energies, kinetic = simulator.structure.system, [], []
     floater, density = still.floater, still.floater.water_density
     stiffness = floater.hydrostatic + floater.additional_stiffness
-    for _ in range(300):
+    for _ in range(5 * duration):
         q = platform(simulator.advance(0.2, pitch=0.5 * np.pi))
         water = 0.5 * q @ stiffness @ q - density * GRAVITY * floater.displaced_volume * q[2]
         parts = system.energy(simulator.coupling.integrator.state)
         kinetic.append(parts[0])
         energies.append(sum(parts) + water)
-    assert np.ptp(energies) < 1.5e-4 * max(kinetic)
+    assert np.ptp(energies) < 1e-4 * max(kinetic)
 
 
 # ---- linear models ---------------------------------------------------------------------------------------------------
