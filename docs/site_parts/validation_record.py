@@ -62,18 +62,17 @@ def _section(name, case):
     ]  # fmt: skip
     title = case["title"][0].upper() + case["title"][1:]
     head = f"(case-{name})=\n\n## {title}\n\n`{name}` · {case['source']} · run {case['date']}{_commit(case)}\n\n"
-    text = head + table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows, "checks")
-    return f"{text}\n{_notes(case['notes'])}" if case.get("notes") else text
+    body = table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows, "checks")
+    passed = f"{sum(check['passed'] for check in case['checks'])} of {len(rows)} checks pass"
+    return f"{head}:::::{{dropdown}} {passed}\n{body}\n{_notes(case.get('notes', ''))}\n:::::\n"
 
 
 def _notes(notes):
-    """What a case says besides its checks, to be opened: a table as such, everything else line by line as it is."""
+    """Remarks of a case: a table as such, everything else line by line as it is."""
     lines = notes.strip("\n").splitlines()
     if all(line.startswith("|") for line in lines):
-        body = "\n".join(["{.checks}", *lines])
-    else:
-        body = "\n".join(["~~~~~~text", *(part for line in lines for part in _wrapped(line)), "~~~~~~"])
-    return f":::::{{dropdown}} {'Table' if lines[0].startswith('|') else 'Notes'} of this case\n{body}\n:::::\n"
+        return "\n".join(["{.checks}", *lines] if lines else [])
+    return "\n".join(["~~~~~~text", *(part for line in lines for part in _wrapped(line)), "~~~~~~"])
 
 
 def _wrapped(line):
