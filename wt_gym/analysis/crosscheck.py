@@ -448,9 +448,7 @@ def changes_figure(content: Mapping[str, Any]) -> Figure:
             for speed, x, y in shown:
                 ax.plot(x, y, marks[speed], markersize=6, clip_on=False, **looks[agent])
         ax.plot(ends, ends, color="0.6", linewidth=0.8, zorder=0)
-        title = (
-            f"{COLUMN_HEADS[key]} against {content['baseline']} [{'times' if key == 'pitch_travel' else 'change, %'}]"
-        )
+        title = f"{COLUMN_HEADS[key]} against {content['baseline']} [{'times' if key == 'pitch_travel' else '%'}]"
         plain(ax, content["simulators"][0], content["simulators"][1], title)
         if key != "pitch_travel":
             ticks = [tick for tick in _TICKS if ends[0] <= tick <= ends[1]]
