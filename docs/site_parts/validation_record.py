@@ -38,7 +38,7 @@ def summary():
          case["date"][:10].replace("-", "\u2011") + _commit(case))
         for name, case in found.items()
     ]  # fmt: skip
-    text += table(("case", "title", "checks passed", "", "run"), rows, "options")
+    text += table(("case", "title", "checks passed", "result", "run"), rows, "options")
     if missing:
         text += "\nNot in this record: " + ", ".join(f"`{name}`" for name in missing) + ".\n"
     return text
@@ -57,7 +57,7 @@ def _section(name, case):
     ]  # fmt: skip
     title = case["title"][0].upper() + case["title"][1:]
     head = f"(case-{name})=\n\n## {title}\n\n`{name}` · {case['source']} · run {case['date']}{_commit(case)}\n\n"
-    body = table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows, "checks")
+    body = table(("quantity", "expected", "obtained", "error", "tolerance", "result"), rows, "checks")
     passed = f"{sum(check['passed'] for check in case['checks'])} of {len(rows)} checks pass"
     return f"{head}:::::{{dropdown}} {passed}\n{body}\n{_notes(case.get('notes', ''))}\n:::::\n"
 
