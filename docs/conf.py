@@ -31,7 +31,6 @@ extensions = [
     "site_parts",  # tables made from the code
 ]
 exclude_patterns = ["site_parts"]
-nitpicky = False
 smartquotes_action = "De"  # dashes and ellipses; quotes are as they are typed
 default_role = "py:obj"  # `name` in docstrings; one that has no page of its own stays as it is
 # short names in types, as `Channel`, of which there are two: the reader sees by the module which is meant
@@ -65,8 +64,7 @@ html_title = f"wt_gym {version}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_search_scorer = str(ROOT / "docs" / "site_parts" / "search.js")  # titles and headings first
-html_copy_source = False
-html_show_sphinx = False
+html_copy_source = html_show_sphinx = False
 html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#0b6aa2", "color-brand-content": "#0b6aa2"},
     "dark_css_variables": {"color-brand-primary": "#6cb8e6", "color-brand-content": "#6cb8e6"},

@@ -40,7 +40,7 @@ def beyond_pi():
         ("keep its gain with a broken part", "faults", "trusts its readings and drives",
          "`linear_optimal+fault_supervisor`", _faults()),
     ]  # fmt: skip
-    lines = ["| need | the PI controller | what does it | measured |", "|---|---|---|---|"]
+    lines = ["| need | PI control | remedy | measured |", "|---|---|---|---|"]
     lines += [f"| [{need}]({page}.md) | {why} | {who} | {found} |" for need, page, why, who, found in rows]
     return "\n".join(lines) + "\n"
 

@@ -27,13 +27,10 @@ def summary():
     found, known = read_record(RECORD), load_cases()
     dates = sorted(case["date"] for case in found.values())
     versions = ", ".join(sorted({case["version"] for case in found.values()}))
-    n_checks = sum(len(case["checks"]) for case in found.values())
-    n_passed = sum(check["passed"] for case in found.values() for check in case["checks"])
     missing = [name for name in known if name not in found]
     text = (
         f"From `{_NAME}`, runs of {dates[0]} to {dates[-1]}, version {versions}: {len(found)} of {len(known)} cases, "
-        f"{sum(case['passed'] for case in found.values())} of them pass whole; {n_passed} of {n_checks} checks "
-        "pass.\n\n"
+        f"{sum(case['passed'] for case in found.values())} of them pass whole.\n\n"
     )
     rows = [
         (f"[`{name}`](#case-{name})", case["title"],
@@ -41,11 +38,9 @@ def summary():
          case["date"][:10].replace("-", "\u2011") + _commit(case))
         for name, case in found.items()
     ]  # fmt: skip
-    text += table(("case", "title", "checks passed", "", "run"), rows, "options")
+    text += table(("case", "title", "checks passed", "result", "run"), rows, "options")
     if missing:
-        text += (
-            "\nNot in this record (most take from minutes to hours): " + ", ".join(f"`{n}`" for n in missing) + ".\n"
-        )
+        text += "\nNot in this record: " + ", ".join(f"`{name}`" for name in missing) + ".\n"
     return text
 
 
@@ -62,18 +57,17 @@ def _section(name, case):
     ]  # fmt: skip
     title = case["title"][0].upper() + case["title"][1:]
     head = f"(case-{name})=\n\n## {title}\n\n`{name}` · {case['source']} · run {case['date']}{_commit(case)}\n\n"
-    text = head + table(("quantity", "expected", "obtained", "error", "tolerance", ""), rows, "checks")
-    return f"{text}\n{_notes(case['notes'])}" if case.get("notes") else text
+    body = table(("quantity", "expected", "obtained", "error", "tolerance", "result"), rows, "checks")
+    passed = f"{sum(check['passed'] for check in case['checks'])} of {len(rows)} checks pass"
+    return f"{head}:::::{{dropdown}} {passed}\n{body}\n{_notes(case.get('notes', ''))}\n:::::\n"
 
 
 def _notes(notes):
-    """What a case says besides its checks, to be opened: a table as such, everything else line by line as it is."""
+    """Remarks of a case: a table as such, everything else line by line as it is."""
     lines = notes.strip("\n").splitlines()
     if all(line.startswith("|") for line in lines):
-        body = "\n".join(["{.checks}", *lines])
-    else:
-        body = "\n".join(["~~~~~~text", *(part for line in lines for part in _wrapped(line)), "~~~~~~"])
-    return f":::::{{dropdown}} {'Table' if lines[0].startswith('|') else 'Notes'} of this case\n{body}\n:::::\n"
+        return "\n".join(["{.checks}", *lines] if lines else [])
+    return "\n".join(["~~~~~~text", *(part for line in lines for part in _wrapped(line)), "~~~~~~"])
 
 
 def _wrapped(line):

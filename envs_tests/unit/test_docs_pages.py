@@ -145,6 +145,7 @@ def test_commands_are_found():
     names = [name for name, _ in CALLS]
     least = {"train": 20, "search": 1, "evaluate": 12, "loadcases": 8, "benchmark": 2}
     assert all(names.count(name) >= least.get(name, 1) for name in COMMANDS), names
+    assert {"scripts/demo", "scripts/test", "scripts/docs"} <= set(LINES)
 
 
 def spaced(number):
@@ -223,6 +224,11 @@ def test_sentences_of_the_first_pages_are_short(tmp_path):
     page.write_text(f"# {words} {words}\n\n{words}.\n- A [{words}](link.md)\n  word. Short.\n\n| {words} {words} |\n")
     assert [sentences.length(one) for one in sentences.sentences(page.read_text())] == [25, 27, 1]
     assert sentences.main([str(page)]) == 1
+
+
+def test_tables_are_whole():
+    broken = re.compile(r"^\|.*\n\n\|.*\n(?!\|[-:| ]+\|$)", re.MULTILINE)
+    assert [page.name for page in PAGES if broken.search(page.read_text(encoding="utf-8"))] == []
 
 
 def test_pages_are_short():
@@ -417,10 +423,6 @@ def test_first_commands_are_accepted(line):
         assert (program, words[0]) == ("pip", "install")
 
 
-def test_first_commands_are_found():
-    assert {"scripts/demo", "scripts/test", "scripts/docs"} <= set(LINES)
-
-
 @pytest.mark.parametrize("page", FIRST)
 def test_first_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -480,10 +482,9 @@ def test_examples_of_the_guides_run(page, tmp_path, monkeypatch):
     names["env"].close()
 
 
-@pytest.mark.parametrize("name", ["bring"])
-def test_the_controller_of_the_page_runs(name, tmp_path):
+def test_the_controller_of_the_page_runs(tmp_path):
     """By the name that the commands of the page give it."""
-    page = text_of(f"docs/{name}.md")
+    page = text_of("docs/bring.md")
     file = tmp_path / "controller.py"
     file.write_text(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], encoding="utf-8")
     controller = make_controller(f"{file}:Mine:gain=0.05", load_turbine("nrel_5mw"))

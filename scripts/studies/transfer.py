@@ -1,6 +1,6 @@
 """Gains of the shipped agent of LoadReduction, here and in OpenFAST: tables of README.md and of two pages.
 
-    python scripts/studies/transfer.py                     # the tables
+    python scripts/studies/transfer.py                     # the tables, and docs/data/crosscheck_changes.svg
     python scripts/studies/transfer.py runs/crosscheck_linear   # from a folder of wt-gym crosscheck, with the record
 
 Writes docs/data/transfer.json of runs that lasted until their end. Costs are improvements of the cost of energy over
@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 from scipy.stats import t
-from study_pages import DATA, ROOT, markdown, read_json, renew, signed, with_runs
+from study_pages import DATA, ROOT, markdown, read_json, renew, save_svg, signed, with_runs
 
+from wt_gym.analysis.crosscheck import changes_figure
 from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.base.files import write_text_whole
 from wt_gym.experiment.run import benchmark_metrics
@@ -69,9 +70,7 @@ def gains(content):
         if seeds != sorted(drawn):
             raise ValueError(f"{agent} must have the winds {sorted(drawn)} at {speed:g} m/s in {code}, got {seeds}")
         below = LINEAR if agent == AGENT else PUBLISHED
-        mine, base, first = (
-            [found[code, name, speed, seed] for seed in seeds] for name in (agent, below, PUBLISHED)
-        )  # fmt: skip
+        mine, base, first = ([found[code, name, speed, seed] for seed in seeds] for name in (agent, below, PUBLISHED))
         improved = np.array([-cost.of(one, other, turbine) for one, other in zip(mine, first, strict=True)])
         changes = {
             name: np.array([one[name] / other[name] - 1.0 for one, other in zip(mine, base, strict=True)])
@@ -117,7 +116,18 @@ def loads(_):
     return markdown(["wind", *(f"{name} DEL" for name in list(_SHOWN.values())[:4]), "pitch travel"], rows)
 
 
+def changes():
+    """Changes by both crosschecks in one figure; of agents those of the later one."""
+    first, later = (read_json(DATA / f"{name}.json") for name in ("crosscheck", "crosscheck_linear"))
+    found = {(row["wind_speed"], row["metric"]): row["changes"] for row in later["metrics"]}
+    for row in first["metrics"]:
+        row["changes"] = row["changes"] | {AGENT: (None, None)} | found.get((row["wind_speed"], row["metric"]), {})
+    names = [name for name in first["sample_correlation"] if name not in (AGENT, "on_tuned_lidar")]
+    return changes_figure(first | {"sample_correlation": [*names, LINEAR, AGENT]})
+
+
 if __name__ == "__main__":
+    save_svg(changes(), DATA / "crosscheck_changes.svg")
     if len(sys.argv) > 1:
         write_text_whole(RECORD, with_runs(record(Path(sys.argv[1]))) + "\n")
     renew(ROOT / "README.md", {"transfer": table})

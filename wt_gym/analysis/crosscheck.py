@@ -24,7 +24,7 @@ from wt_gym.analysis.metrics import COLUMN_HEADS, METRICS, mean_spectrum
 from wt_gym.analysis.page import NONE, Row, Section, change_tag, format_estimate
 from wt_gym.analysis.results import METRICS_FILE, TABLE_FILE, Evaluation, Wind
 from wt_gym.analysis.statistics import LIFETIME_EXPONENTS, Estimate, paired_change, relative_change
-from wt_gym.base.picture_style import COLORS, MARKERS
+from wt_gym.base.picture_style import COLORS, MARKERS, plain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,6 +40,7 @@ _PLOTTED = (*_LOADS, "pitch_travel")
 _LEAST_FOR_RANKS = 3
 _SHOWN = 60.0  # length of the signals that are drawn [s]
 _FASTEST = 3.0  # spectra are drawn up to it [Hz]
+_TICKS = (-60, -40, -20, 0, 20, 40, 100)  # of changes [%], drawn in logarithms beyond 50
 _UNITS = {"N m": (1e-6, "MN m"), "W": (1e-6, "MW"), "rad/s": (30.0 / math.pi, "rpm"), "rad": (180.0 / math.pi, "deg")}
 _CHANGES_FILE = "figures/changes.svg"
 
@@ -397,10 +398,11 @@ def _points(content: Mapping[str, Any], key: str) -> tuple[dict[str, list[tuple[
     unchanged, scale = (1.0, 1.0) if key == "pitch_travel" else (0.0, 100.0)
     points: dict[str, list[tuple[float, float, float]]] = {agent: [] for agent in _agents(content)[1:]}
     for speed, found in _by_speed(content).items():
-        for agent, (first, second) in found[key]["changes"].items():
-            if speed is not None and all(change is not None and change["relative"] for change in (first, second)):
-                x, y = (unchanged + scale * change["value"] for change in (first, second))
-                points[agent].append((speed, x, y))
+        for agent, shown in points.items():
+            pair = found[key]["changes"].get(agent, (None, None))
+            if speed is not None and all(change is not None and change["relative"] for change in pair):
+                x, y = (unchanged + scale * change["value"] for change in pair)
+                shown.append((speed, x, y))
     values = [unchanged, *(value for shown in points.values() for _, *xy in shown for value in xy)]
     return points, [min(values), max(values)]
 
@@ -438,25 +440,24 @@ def changes_figure(content: Mapping[str, Any]) -> Figure:
         for k, agent in enumerate(_agents(content)[1:])
     }
     marks = {speed: MARKERS[m % len(MARKERS)] for m, speed in enumerate(speeds)}
-    figure = Figure(figsize=(11.0, 6.6), layout="constrained")
+    figure = Figure(figsize=(8.6, 8.4), layout="constrained")
     axes = figure.subplots(2, 2).ravel()
     for ax, key in zip(axes, _PLOTTED, strict=True):
         points, ends = _points(content, key)
         for agent, shown in points.items():
             for speed, x, y in shown:
-                ax.plot(x, y, marks[speed], markersize=5, **looks[agent])
+                ax.plot(x, y, marks[speed], markersize=6, clip_on=False, **looks[agent])
         ax.plot(ends, ends, color="0.6", linewidth=0.8, zorder=0)
-        unit = "times" if key == "pitch_travel" else "change, %"
-        ax.set_title(f"{COLUMN_HEADS[key]} against {content['baseline']} [{unit}]", fontsize=9)
-        ax.grid(alpha=0.3)
-    figure.supxlabel(content["simulators"][0], fontsize=9)
-    figure.supylabel(content["simulators"][1], fontsize=9)
+        title = f"{COLUMN_HEADS[key]} against {content['baseline']} [{'times' if key == 'pitch_travel' else '%'}]"
+        plain(ax, content["simulators"][0], content["simulators"][1], title)
+        if key != "pitch_travel":
+            ticks = [tick for tick in _TICKS if ends[0] <= tick <= ends[1]]
+            for set_scale, set_ticks in ((ax.set_xscale, ax.set_xticks), (ax.set_yscale, ax.set_yticks)):
+                set_scale("symlog", linthresh=50.0, linscale=2.0)
+                set_ticks(ticks, [f"{tick}".replace("-", "\u2212") for tick in ticks])
     handles = [axes[0].plot([], [], "o", label=agent, **look)[0] for agent, look in looks.items()]
-    handles += [
-        axes[0].plot([], [], mark, color="0.4", fillstyle="none", label=f"{speed:g} m/s")[0]
-        for speed, mark in marks.items()
-    ]
-    figure.legend(handles=handles, loc="outside right upper", fontsize=8)
+    handles += [axes[0].plot([], [], m, c="0.4", mfc="none", label=f"{v:g} m/s")[0] for v, m in marks.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     return figure
 
 
@@ -472,10 +473,10 @@ def _signals_figure(check: Crosscheck, agent: str) -> Figure:
             shown = data.sel(time=slice(None, float(data.time[0]) + _SHOWN))
             factor, unit = _UNITS.get(data[name].attrs["units"], (1.0, data[name].attrs["units"]))
             ax.plot(shown.time, factor * shown[name], label=label, linewidth=1.0)
-        ax.set_ylabel(f"{name}\n[{unit}]", fontsize=7)
+        ax.set_title(f"{name} [{unit}]", fontsize=9, loc="left")
         ax.grid(alpha=0.3)
-    axes[0].legend(loc="upper right", fontsize=8)
-    axes[0].set_title(f"{agent}, {wind.label}", fontsize=9)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=9)
+    figure.suptitle(f"{agent}, {wind.label}", fontsize=10, x=0.01, ha="left")
     axes[-1].set_xlabel("time [s]")
     return figure
 
