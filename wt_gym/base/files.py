@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -50,6 +51,12 @@ def read_json(path: Path, kind: type = dict) -> Any:
     except ValueError as error:  # no JSON, or no text at all
         raise ValueError(f"{path} is damaged: {error}") from error
     return value
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a table that belongs to the package, values by the names in its first line."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 @contextmanager

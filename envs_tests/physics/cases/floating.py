@@ -13,6 +13,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from envs_tests.physics.validation import DATA, CaseResult, Check, Curve, Figure, absolute, case, worst
 from wt_gym.analysis.metrics import damage_equivalent_load
+from wt_gym.base.quantities import MOTIONS
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
 from wt_gym.hydrodynamics.waves import WaveComponents
@@ -24,7 +25,6 @@ from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 OPENFAST = "OpenFAST 5.0 (ElastoDyn, AeroDyn, HydroDyn, MAP++)"
 OC4, VOLTURN = "oc4_nrel_5mw", "volturnus_iea_15mw"
 SHORT = {OC4: "OC4", VOLTURN: "VolturnUS-S"}
-MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 UNITS = np.array([1.0, 1.0, 1.0, *[np.pi / 180.0] * 3])
 SETTLED = 200.0
 """Time from which turbulence is judged [s]."""
