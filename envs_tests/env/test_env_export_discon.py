@@ -4,7 +4,6 @@ import json
 import math
 import re
 import shutil
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,7 @@ from envs_tests.unit.exported_library import (
     write_all_readings,
 )  # fmt: skip
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.files import read_toml
 from wt_gym.commands import run as run_command
 from wt_gym.control.bladed.records import new_swap, write_lidar
 from wt_gym.control.controllers import STATES
@@ -51,9 +51,7 @@ def task_arguments(task):
 
 AGENTS = {
     name: (agent["algorithm"], getattr(torch.nn, agent["activation"]), agent["arguments"])
-    for name, agent in tomllib.loads(
-        Path(__file__).with_name("data").joinpath("exported_agents.toml").read_text(encoding="utf-8")
-    ).items()
+    for name, agent in read_toml(Path(__file__).with_name("data") / "exported_agents.toml").items()
 } | {"load reduction": ("PPO", torch.nn.Tanh, task_arguments("LoadReduction") | {"wind_speed": 16.0})}
 HELD = ("PPO", torch.nn.Tanh, {
     "pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": True, "episode_length": None,

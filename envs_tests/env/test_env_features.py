@@ -2,19 +2,17 @@
 
 import copy
 import pickle
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from wt_gym.base.files import read_toml
 from wt_gym.envs.episode_start import FEATURE_OPTIONS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 
-PLAIN, FEATURES = tomllib.loads(
-    Path(__file__).with_name("data").joinpath("features.toml").read_text(encoding="utf-8")
-).values()
+PLAIN, FEATURES = read_toml(Path(__file__).with_name("data") / "features.toml").values()
 
 
 @pytest.fixture(params=FEATURES)

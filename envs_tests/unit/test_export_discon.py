@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import subprocess
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from envs_tests.unit.exported_library import (
     together,
     torques,
 )  # fmt: skip
+from wt_gym.base.files import read_toml
 from wt_gym.bridges.openfast import write_model
 from wt_gym.commands import run as run_command
 from wt_gym.control import Demand, Lidar
@@ -38,9 +38,7 @@ from wt_gym.turbines.openfast_text import InputFile
 
 pytestmark = pytest.mark.usefixtures("compiler")
 DT = INTERVAL
-CONTROLLERS = tomllib.loads(
-    Path(__file__).with_name("data").joinpath("exported_controllers.toml").read_text(encoding="utf-8")
-)["controllers"]
+CONTROLLERS = read_toml(Path(__file__).with_name("data") / "exported_controllers.toml")["controllers"]
 
 
 def start_demand(readings, turbine):

@@ -2,7 +2,6 @@
 
 import json
 import re
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 from openfast_model import DEGREE, Model, principal
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import read_toml
 from wt_gym.commands import run as run_command
 from wt_gym.control.controllers import make_controller
 from wt_gym.experiment.steady_check import SteadyRun, steady_winds, verdict
@@ -332,7 +332,7 @@ class TestWhatTheFilesSay:
         assert fingerprint(same) == fingerprint(clockwise)
 
 
-CHANGES = tomllib.loads(Path(__file__).with_name("data").joinpath("openfast_changes.toml").read_text(encoding="utf-8"))
+CHANGES = read_toml(Path(__file__).with_name("data") / "openfast_changes.toml")
 ASSUMED = ("clamped at its base", "DrTrDOF is False", "roll", "cut-in", "IEC class", "bends only")
 
 

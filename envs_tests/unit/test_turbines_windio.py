@@ -4,7 +4,6 @@ import copy
 import json
 import re
 import time
-import tomllib
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -15,11 +14,13 @@ import pytest
 from ruamel.yaml import YAML
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import read_toml
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import BeamStations, inertia_matrix
 from wt_gym.turbines.catalog import turbine_file
 
 LENGTH = 40.0
+DATA = Path(__file__).with_name("data")
 
 
 def table(*values):
@@ -47,11 +48,7 @@ def tree(entries: dict) -> dict:
     return data
 
 
-def read_data(name: str) -> str:
-    return (Path(__file__).with_name("data") / name).read_text(encoding="utf-8")
-
-
-SMALL = YAML(typ="safe").load(read_data("small_turbine.yaml"))
+SMALL = YAML(typ="safe").load(DATA / "small_turbine.yaml")
 
 
 def small_turbine() -> dict:
@@ -225,7 +222,7 @@ def test_a_missing_key_is_named_or_can_be_done_without(tmp_path):
     assert needed == {path for path in paths(small_turbine()) if not OPTIONAL.fullmatch(path)}
 
 
-@pytest.mark.parametrize(("path", "value", "named"), tomllib.loads(read_data("windio_wrong_values.toml"))["wrong"])
+@pytest.mark.parametrize(("path", "value", "named"), read_toml(DATA / "windio_wrong_values.toml")["wrong"])
 def test_wrong_values_are_named(path, value, named, tmp_path):
     data = small_turbine()
     parent, key = at(data, path)

@@ -13,7 +13,6 @@ import argparse
 import json
 import math
 import re
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from study_pages import DATA, ROOT, read_json, save_svg, write_entries
 
 from envs_tests.physics.validation import Figure as CaseFigure
 from envs_tests.physics.validation import bounds_of, load_cases, read_record, run_case
+from wt_gym.base.files import read_toml
 from wt_gym.base.picture_style import BLUE, COLORS, GRAY, GREEN, INK, LINE_STYLES, ORANGE, plain
 
 CURVES, RECORD, STEADY = "validation_figures.json", "validation.json", "steady_states.json"
@@ -31,7 +31,7 @@ PUBLISHED = ROOT / "envs_tests" / "physics" / "data"
 QUANTITIES = {"rotor speed [rpm]": 1.0, "pitch [deg]": 1.0, "power [MW]": 1e-3, "thrust [kN]": 1.0}
 """Panels of the steady states with the factors of their data."""
 MOST_POINTS = 240  # of a curve
-PICTURES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+PICTURES = read_toml(Path(__file__).with_suffix(".toml"))
 """Parts of pictures, see the file."""
 
 

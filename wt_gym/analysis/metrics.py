@@ -83,28 +83,7 @@ LIMIT_METRICS = ("limits_violated",)
 """Metrics that only runs with limits of costs have."""
 
 
-COLUMN_HEADS = {
-    "mean_power": "power",
-    "corrected_power": "power",
-    "blade_flap_del": "flap DEL",
-    "blade_edge_del": "edge DEL",
-    "tower_fore_aft_del": "tower fore-aft DEL",
-    "tower_side_side_del": "tower side-side DEL",
-    "pitch_duty_cycle": "duty",
-    "pitch_travel": "pitch travel",
-    "rotor_speed_max": "speed max",
-    "tip_clearance_min": "clearance min",
-    "overspeed_count": "overspeeds",
-    "limits_violated": "beyond a limit",
-    "platform_pitch_mean": "pitch mean",
-    "platform_pitch_std": "pitch std",
-    "platform_tilt_max": "tilt max",
-    "tracking_rms": "error rms",
-    "tracking_mean": "error mean",
-    "tracking_rms_share": "error rms/rated",
-    "saturated_share": "saturated",
-    "demanded_energy": "energy/demanded",
-}
+COLUMN_HEADS = {row["name"]: row["head"] for row in read_rows(Path(__file__).with_name("column_heads.csv"))}
 """Short names of metrics, heads of the columns of tables."""
 
 

@@ -8,6 +8,7 @@ import os
 import shutil
 import tempfile
 import threading
+import tomllib
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -57,6 +58,11 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     """Rows of a table that belongs to the package, values by the names in its first line."""
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Values of a TOML file that belongs to the package."""
+    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 @contextmanager

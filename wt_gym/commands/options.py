@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import did_you_mean
+from wt_gym.base.files import read_toml
 from wt_gym.base.options import Options, add_options, chosen_options, named_value, options_of
 from wt_gym.commands.program import FIDELITIES_HELP, folder_path, json_value
 from wt_gym.tasks import DEFAULT_ENV
@@ -37,7 +37,7 @@ _TYPES = {
 
 def _read_shared() -> dict[str, dict[str, Any]]:
     """Settings of ``add_argument`` by the name of the option."""
-    shared = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+    shared = read_toml(Path(__file__).with_suffix(".toml"))
     for settings in shared.values():
         if "type" in settings:
             settings["type"] = _TYPES[settings["type"]]

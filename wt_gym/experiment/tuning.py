@@ -8,7 +8,6 @@ import json
 import math
 import platform
 import time
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from inspect import signature
@@ -21,7 +20,7 @@ import wt_gym
 from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.files import require_writable, write_text_whole
+from wt_gym.base.files import read_toml, require_writable, write_text_whole
 from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers.names import BASELINE, SHORT_FOR, load_class
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
@@ -46,7 +45,7 @@ class SearchRange:
 
 SPACES: dict[str, dict[str, SearchRange]] = {
     controller: {name: SearchRange(**space) for name, space in spaces.items()}
-    for controller, spaces in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items()
+    for controller, spaces in read_toml(Path(__file__).with_suffix(".toml")).items()
 }
 """Search spaces of the names of the catalog; a combined controller has those of all its parts."""
 

@@ -20,7 +20,6 @@ lever arms follow the deformation.
 """
 
 import math
-import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -31,6 +30,7 @@ import numpy as np
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.base.errors import SimulationError, did_you_mean, warn_once
+from wt_gym.base.files import read_toml
 from wt_gym.base.options import Options, option, option_record, shown
 from wt_gym.base.quantities import Array
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
@@ -350,7 +350,7 @@ _PRESETS = {"TRAINING": TRAINING, "ENGINEERING": ENGINEERING, "REFERENCE": REFER
 def _read_fidelities() -> dict[str, Fidelity]:
     """Fidelities of the file."""
     found: dict[str, Fidelity] = {}
-    for name, fields in tomllib.loads(Path(__file__).with_name("fidelities.toml").read_text(encoding="utf-8")).items():
+    for name, fields in read_toml(Path(__file__).with_name("fidelities.toml")).items():
         like, aero = fields.pop("like", None), fields.get("aero")
         fields |= {"name": name} | ({"aero": _PRESETS[aero]} if isinstance(aero, str) else {})
         found[name] = Fidelity(**fields) if like is None else replace(found[like], **fields)

@@ -8,7 +8,6 @@ such a file beside a model and takes it where its largest power is the rated pow
 
 import logging
 import re
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import read_toml
 from wt_gym.base.quantities import Array
 from wt_gym.turbines.checks import check_number
 from wt_gym.turbines.model import ControlData
@@ -128,7 +128,7 @@ _PITCH_NUMBERS = (
     "min_pitch_wind", "min_pitch", "pitch_actuator_frequency", "pitch_actuator_damping",
 )  # fmt: skip
 """Numbers of DISCON.IN that act through the torque and through the pitch."""
-ASIDE = tomllib.loads(Path(__file__).with_name("openfast_aside.toml").read_text(encoding="utf-8"))
+ASIDE = read_toml(Path(__file__).with_name("openfast_aside.toml"))
 """Keywords that no turbine here holds, see the file."""
 
 

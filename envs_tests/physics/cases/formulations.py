@@ -1,7 +1,6 @@
 """The same turbine in every formulation, integrator and set of coordinates."""
 
 import time
-import tomllib
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ from scipy.linalg import eigh
 
 from envs_tests.physics.validation import DATA, CaseResult, Check, Curve, Figure, case
 from wt_gym.analysis.metrics import run_metrics
+from wt_gym.base.files import read_toml
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.multibody.constraints.descriptor import descriptor_form
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
@@ -320,10 +320,7 @@ def _combination(turbine, name, like, changes):
     return Combination(turbine, name, replace(FIDELITIES[base], **changes), like, ending)
 
 
-COMBINATIONS = tuple(
-    _combination(*row)
-    for row in tomllib.loads((DATA / "formulations.toml").read_text(encoding="utf-8"))["combinations"]
-)
+COMBINATIONS = tuple(_combination(*row) for row in read_toml(DATA / "formulations.toml")["combinations"])
 
 _TWISTING = "embedded, generalized-α, {} bodies, torsion"
 NODAL_AND_MODAL = (
