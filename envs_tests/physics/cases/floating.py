@@ -58,19 +58,25 @@ def displaced(**motions):
     return out
 
 
+def platform(signals):
+    """Displacements (6,) of the platform [m, rad]."""
+    return np.array([signals[f"platform_{motion}"] for motion in MOTIONS])
+
+
+def released(sim, duration, slow=None, sea=None):
+    """Signals of a parked turbine at each step from its start on, with a slow motion (12,) of its platform if given."""
+    sim.sea = sea
+    signals = [sim.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0, platform=slow)]
+    steps = round(duration / sim.time_step)
+    return signals + [sim.advance(sim.time_step, pitch=0.5 * np.pi) for _ in range(steps)]
+
+
 def parked(name, duration, slow=None, sea=None):
     """Times, motions (n, 6) [m, deg] and tower-base moments [kN m] of a parked turbine."""
     sim = simulator(name, with_air=False)
-    sim.sea = sea
-    signals = sim.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0, platform=slow)
-    names = [f"platform_{motion}" for motion in MOTIONS]
-    rows = []
-    for k in range(round(duration / sim.time_step) + 1):
-        if k:
-            signals = sim.advance(sim.time_step, pitch=0.5 * np.pi)
-        rows.append([*(signals[n] for n in names), signals["tower_base_fore_aft_moment"]])
-    values = np.array(rows)
-    return sim.time_step * np.arange(len(values)), values[:, :6] / UNITS, values[:, 6] / 1e3
+    signals = released(sim, duration, slow, sea)
+    moments = np.array([at["tower_base_fore_aft_moment"] for at in signals])
+    return sim.time_step * np.arange(len(signals)), np.array([platform(at) for at in signals]) / UNITS, moments / 1e3
 
 
 def peaks(time, values):
@@ -149,7 +155,7 @@ def controlled(name, inflow, choice, duration, start, sea=None):
     waves = np.zeros(12)
     if sea is not None:  # the simulator adds the answer to the waves of the start
         signals = sim.reset(**point, platform=waves)
-        waves[:6] = [signals[f"platform_{motion}"] for motion in MOTIONS]
+        waves[:6] = platform(signals)
     sim.reset(**point, platform=displaced(surge=start["surge"], pitch=start["pitch"]) - waves)
     signals, controller = sim.signals, make_controller(choice, sim.turbine)
     controller.start(signals, Demand(np.full(3, point["pitch"]), 0.0, signals["generator_torque"]))
