@@ -4,12 +4,19 @@ import pytest
 
 from wt_gym.base.errors import forget_warnings
 from wt_gym.bridges.compiler import CompilerError, find_compiler
+from wt_gym.turbines import load_turbine
 
 
 @pytest.fixture(autouse=True)
 def fresh_warnings():
     """Give in each test the warnings that a process gives once."""
     forget_warnings()
+
+
+@pytest.fixture(scope="session")
+def turbine():
+    """The NREL 5-MW."""
+    return load_turbine("nrel_5mw")
 
 
 @pytest.fixture
