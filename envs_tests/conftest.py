@@ -4,12 +4,19 @@ import pytest
 
 from wt_gym.base.errors import forget_warnings
 from wt_gym.bridges.compiler import CompilerError, find_compiler
+from wt_gym.turbines import load_turbine
 
 
 @pytest.fixture(autouse=True)
 def fresh_warnings():
     """Give in each test the warnings that a process gives once."""
     forget_warnings()
+
+
+@pytest.fixture(scope="session")
+def turbine():
+    """The NREL 5-MW."""
+    return load_turbine("nrel_5mw")
 
 
 @pytest.fixture
@@ -28,6 +35,57 @@ def scripted_module():
     with pytest.MonkeyPatch.context() as patch:
         use(patch, Swinging)
         yield
+
+
+MINE = """
+import numpy as np
+from wt_gym.control import Demand
+from wt_gym.control.controllers import make_controller
+
+class Hold:
+    channels = ("generator_speed",)
+    def __init__(self, gain=1.0):
+        self.gain = gain
+    def start(self, signals, demand):
+        self.demand = demand
+    def step(self, signals, dt):
+        return self.demand
+
+class Sized(Hold):
+    def __init__(self, turbine, gain=1.0):
+        super().__init__(gain)
+        self.radius = turbine.rotor_diameter / 2
+
+class More:
+    channels = ()
+    def start(self, signals):
+        pass
+    def step(self, signals, dt, demand):
+        return demand
+
+class Rests:
+    env_kwargs = {"action_mode": "absolute", "residual_form": "rate", "observation": ["rotor"]}
+    def __init__(self, layout, offset=0.0):
+        self.size, self.offset = layout.action.size, offset
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.full(self.size, self.offset, dtype=np.float32), state
+
+class Cheats(Rests):
+    env_kwargs = {"turbine": "iea_15mw"}
+
+def retuned(turbine, gain_factor=1.0):
+    return make_controller("retuned", turbine, gain_factor=gain_factor)
+
+NOTHING = 3
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    """Path of a module with controllers and agents of one's own."""
+    path = tmp_path / "mine.py"
+    path.write_text(MINE)
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -5,11 +5,11 @@ of `wt_gym.envs.turbine_env.WindTurbineEnv` can be given to ``gymnasium.make`` o
 """
 
 import math
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from wt_gym.base.files import read_toml
 from wt_gym.turbine_records import RECORDS
 
 __all__ = ["DEFAULT_ENV", "TASKS", "Task", "task_of"]
@@ -70,7 +70,7 @@ def _item(name: str, value: Any) -> tuple[str, Any]:
 
 def _read_tasks() -> dict[str, Task]:
     """Tasks of the file; arguments that a turbine needs take the place of those that its task shares with others."""
-    tables = tomllib.loads(Path(__file__).with_name("tasks.toml").read_text(encoding="utf-8"))
+    tables = read_toml(Path(__file__).with_name("tasks.toml"))
     shared: dict[str, dict[str, Any]] = {}
     for name, values in tables.pop("like").items():
         shared[name] = shared.get(values.pop("like", ""), {}) | _value(values)

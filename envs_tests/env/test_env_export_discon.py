@@ -4,7 +4,6 @@ import json
 import math
 import re
 import shutil
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +22,8 @@ from envs_tests.unit.exported_library import (
     write_all_readings,
 )  # fmt: skip
 from wt_gym.base.errors import SimulationError
+from wt_gym.base.files import read_toml
 from wt_gym.commands import run as run_command
-from wt_gym.control import Lidar
 from wt_gym.control.bladed.records import new_swap, write_lidar
 from wt_gym.control.controllers import STATES
 from wt_gym.deployment.export.discon import export_discon
@@ -41,10 +40,6 @@ from wt_gym.wind import PathInflow, SteadyInflow
 
 pytestmark = pytest.mark.usefixtures("compiler")
 TRAINED = Path(__file__).resolve().parents[2] / "agents" / "trained"
-ON_INTERFACE = ["rotor", "power", "pitch", "wind", "controller", "offsets", "nacelle_acceleration_fore_aft",
-                "nacelle_acceleration_side_side"]  # fmt: skip
-LOADS = ("flap", "edge", "out_of_plane")
-MOMENTS = [f"root_{kind}_moment_{part}" for kind in LOADS for part in ("mean", "tilt", "yaw")]
 WIND = {"turbine": "nrel_5mw", "inflow": "turbulent", "wind_speed": 16.0, "start": "steady", "action_mode": "residual"}
 
 
@@ -55,68 +50,9 @@ def task_arguments(task):
 
 
 AGENTS = {
-    "fixed frame": ("PPO", torch.nn.Tanh, {
-        "pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": True, "residual_washout": 20.0,
-        "controller": "constrained_ipc+tower_dampers", "history": 3, "sensor_delay": 0.4, "sensor_washout": 10.0,
-        "observation": [*ON_INTERFACE, *MOMENTS, "residual_share", "residual_mean"],
-    }),
-    "individual": ("SAC", torch.nn.ReLU, {
-        "pitch": "individual", "controller": "discon", "sensor_delay": 0.2, "sensor_washout": 20.0,
-        "observation": ["azimuth", "rotor", "power", "pitch", "wind", "offsets", "previous_action",
-                        *(f"root_{kind}_moment_{b}" for kind in LOADS for b in (1, 2, 3))],
-    }),
-    "collective": ("TQC", torch.nn.ELU, {
-        "pitch": "collective", "action_components": ["pitch", "torque"], "controller": "tsr_tracking+yaw",
-        "residual_fade": 0.03, "observation": [*ON_INTERFACE, "wind_estimate"], "wind_speed": 12.0, "history": 2,
-    }),
-    "cyclic": ("TD3", torch.nn.ReLU, {
-        "pitch": "cyclic", "action_components": ["pitch", "yaw"], "controller": "ipc", "control_dt": 0.3,
-        "observation": [*ON_INTERFACE, "pitch_1", "pitch_rate_2", *MOMENTS[1:3], "azimuth"],
-    }),
-    "linear": ("PPO", torch.nn.Tanh, {
-        "pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": 0.02, "residual_washout": 20.0,
-        "residual_form": "offset", "controller": "linear_optimal", "control_dt": 0.1,
-        "observation": ["rotor", "power", "disturbances"],
-    }),
-    "load reduction": ("PPO", torch.nn.Tanh, task_arguments("LoadReduction") | {"wind_speed": 16.0}),
-    "lidar": ("PPO", torch.nn.Tanh, {
-        "pitch": "fixed-frame", "action_components": ["pitch"], "controller": "tuned_lidar", "sensor_delay": 0.2,
-        "observation": ["rotor", "power", "offsets", "lidar"], "residual_fade": True,
-    }),
-    "beams apart on preview, counter-clockwise": ("PPO", torch.nn.Tanh, {
-        "pitch": "fixed-frame", "action_components": ["pitch"], "controller": "lidar:fade=False", "sensor_delay": 0.2,
-        "site": {"rotation": "counter-clockwise"},
-        "observation": ["rotor", "offsets", "lidar"], "lidar": Lidar((63.0, 126.0, 189.0), apart=True),
-    }),
-    "dial": ("PPO", torch.nn.Tanh, {
-        "pitch": "fixed-frame", "action_components": ["pitch"], "controller": "discon",
-        "observation": ["rotor", "offsets", "dial"], "dial_weights": {"fatigue": 3.0, "travel": 0.5},
-    }),
-    "guarded": ("PPO", torch.nn.Tanh, {
-        "pitch": "fixed-frame", "action_components": ["pitch"], "control_dt": 0.1,
-        "observation": ["measurable", "disturbances", "model_fit"],
-        # a drive that lags half a step behind is a fault to it
-        "controller": "linear_optimal+yaw+fault_supervisor:pitch_tolerance=0.002,pitch_time=0.3",
-    }),
-    "full operation": ("PPO", torch.nn.Tanh, {
-        "pitch": "fixed-frame", "action_components": ["pitch", "torque", "set_point"], "control_dt": 0.1,
-        "observation": ["measurable", "supervisor", "previous_action"], "sensor_washout": 20.0,
-        "standstill_limit": -0.5,
-        "controller": "discon+supervisor:averaging=6,restart_delay=1,run_up=20",
-    }),
-    "full operation, offsets": ("SAC", torch.nn.ReLU, {
-        "pitch": "fixed-frame", "action_components": ["pitch", "yaw", "set_point"], "residual_form": "offset",
-        "residual_fade": True, "residual_washout": 20.0, "history": 2, "sensor_delay": 0.2, "standstill_limit": -0.5,
-        "observation": ["rotor", "power", "pitch", "offsets", "supervisor", "lidar", "residual_share", "residual_mean"],
-        # below the speed of cut-in the least set point of a storm is that speed, for an agent alone
-        "controller": "tsr_tracking+lidar+supervisor+yaw:averaging=6,restart_delay=1,run_up=20,least_speed=0.5,"
-                      "least_power=0.3",
-    }),
-    "yaw": ("PPO", torch.nn.Tanh, {
-        "action_components": ["yaw"], "controller": "discon+yaw",
-        "observation": ["rotor", "wind", "previous_action", "dead_band"],
-    }),
-}  # fmt: skip
+    name: (agent["algorithm"], getattr(torch.nn, agent["activation"]), agent["arguments"])
+    for name, agent in read_toml(Path(__file__).with_name("data") / "exported_agents.toml").items()
+} | {"load reduction": ("PPO", torch.nn.Tanh, task_arguments("LoadReduction") | {"wind_speed": 16.0})}
 HELD = ("PPO", torch.nn.Tanh, {
     "pitch": "fixed-frame", "action_components": ["pitch"], "residual_fade": True, "episode_length": None,
 })  # fmt: skip
@@ -138,8 +74,7 @@ def untrained(folder, kind, gain=60.0, **card):
             model.policy.action_net.weight *= gain
     path = folder / "model.zip"
     model.save(path)
-    plain = {key: asdict(value) if key == "lidar" else value for key, value in arguments.items()}
-    record = {"algo": algorithm, "env_kwargs": WIND | plain | card}
+    record = {"algo": algorithm, "env_kwargs": WIND | arguments | card}
     path.with_suffix(".json").write_text(json.dumps(record), encoding="utf-8")
     return path, TrainedAgent(model), env
 

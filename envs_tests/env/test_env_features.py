@@ -2,43 +2,17 @@
 
 import copy
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from wt_gym.base.files import read_toml
 from wt_gym.envs.episode_start import FEATURE_OPTIONS
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.envs.vector_env import WindTurbineVectorEnv
 
-PLAIN = {
-    "inflow": "steady", "wind_speed": (13.0, 17.0), "action_mode": "residual", "pitch": "fixed-frame",
-    "control_dt": 0.1, "action_components": ("pitch",), "episode_length": 6.0,
-}  # fmt: skip
-FEATURES = {
-    "dial": {"dial_weights": "log_uniform", "dial_interval": 1.0, "observation": ("rotor", "dial")},
-    "power reference": {
-        "power_reference": ("steps", "ramps", "regulation"), "power_reference_interval": 1.0,
-        "observation": ("power_reference", "power_forecast"), "controller": "discon+derate_kinetic",
-    },
-    "faults": {
-        "fault_kinds": ("stuck_blade", "iced_blade", "biased_moment", "dead_vane", "voltage_dip"),
-        "fault_time": (0.2, 1.0),
-    },
-    "variation": {
-        "variation": {"pitch_gain": (0.8, 1.2), "sensor_noise": 1.0, "sensor_offset": (-0.4, 0.4), "sensor_delay": 0.1,
-                      "air_density": (0.9, 1.1), "yaw_error": (-0.1, 0.1), "plants": 2},
-    },
-    "relative reward": {"relative_reward": True, "starts": 3},
-    "sensors": {"sensor_noise": 1.0, "sensor_delay": 0.2, "history": 2, "sensor_washout": 10.0,
-                "observation": ("measurable", "wind_estimate")},
-    "filters": {"residual_fade": True, "residual_washout": 5.0, "controller": "ipc+tower_dampers",
-                "wind_direction": (-0.1, 0.1)},
-    "supervisor": {"controller": "discon+supervisor", "observation": ("measurable", "supervisor"),
-                   "action_components": ("pitch", "torque", "set_point"), "sensor_noise": 0.1},
-    "lidar": {"observation": ("rotor", "lidar"), "lidar": {"ranges": [50.0, 90.0]}},
-    "everything": {"dial_weights": "simplex", "fault_kinds": "all", "power_reference": "ramps", "variation": "train",
-                   "relative_reward": True, "starts": 4},
-}  # fmt: skip
+PLAIN, FEATURES = read_toml(Path(__file__).with_name("data") / "features.toml").values()
 
 
 @pytest.fixture(params=FEATURES)

@@ -21,36 +21,6 @@ RESIDUAL = "wt_gym/LoadReduction-v3"
 STEADY = "wt_gym/NREL5MW-Steady-v1"
 pytestmark = pytest.mark.usefixtures("scripted")
 
-MINE = """
-import numpy as np
-
-class Hold:
-    channels = ("generator_speed",)
-    def __init__(self, gain=1.0):
-        self.gain = gain
-    def start(self, signals, demand):
-        self.demand = demand
-    def step(self, signals, dt):
-        return self.demand
-
-class Rests:
-    env_kwargs = {"action_mode": "absolute", "residual_form": "rate", "observation": ["rotor"]}
-    def __init__(self, layout, offset=0.0):
-        self.size, self.offset = layout.action.size, offset
-    def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        return np.full(self.size, self.offset, dtype=np.float32), state
-
-class Cheats(Rests):
-    env_kwargs = {"turbine": "iea_15mw"}
-"""
-
-
-@pytest.fixture
-def mine(tmp_path):
-    path = tmp_path / "mine.py"
-    path.write_text(MINE)
-    return path
-
 
 def saved(path, cls, **env_kwargs):
     """An untrained model of an environment."""

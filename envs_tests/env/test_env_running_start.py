@@ -44,11 +44,6 @@ def env():
 
 
 @pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
-
-
-@pytest.fixture(scope="module")
 def brief(turbine):
     """Two instants with a step of the controller between them, the form of its memory, and the rows of the record."""
     controller = make_controller("discon", turbine)

@@ -13,15 +13,9 @@ from wt_gym.control.sensors import from_harmonic, to_harmonic
 from wt_gym.experiment.comparison import ComparisonConfig, run_cases
 from wt_gym.experiment.run import run_controller
 from wt_gym.simulation import Simulator
-from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 SEED = 1
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from envs_tests.physics.cases import floating as cases
+from envs_tests.physics.cases.floating import platform
 from envs_tests.physics.refusals import refuses
 from wt_gym.base.errors import ActionError, InflowError, SimulationError
 from wt_gym.base.quantities import GRAVITY
@@ -35,18 +36,10 @@ def parked(name):
     return Simulator(turbine, SteadyInflow(0.01, hub_height=turbine.hub_height), fidelity("training"))
 
 
-def platform(signals):
-    return np.array([signals[f"platform_{motion}"] for motion in cases.MOTIONS])
-
-
 def released(simulator, displacement, duration, sea=None):
     """Motion (n, 6) of a parked turbine released at a displacement (6,) [m, rad] from its origin, at each step."""
-    simulator.sea = sea
-    simulator.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0, platform=np.concatenate([displacement, np.zeros(6)]))
-    rows = [platform(simulator.signals)]
-    for _ in range(round(duration / simulator.time_step)):
-        rows.append(platform(simulator.advance(simulator.time_step, pitch=0.5 * np.pi)))
-    return np.array(rows)
+    signals = cases.released(simulator, duration, np.concatenate([displacement, np.zeros(6)]), sea)
+    return np.array([platform(at) for at in signals])
 
 
 @cache

@@ -15,13 +15,13 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from envs_tests.physics.cases.floating import peaks
+from wt_gym.base.quantities import MOTIONS
 from wt_gym.hydrodynamics import PLATFORMS, PlatformLoads, WaveComponents, load_platform
 from wt_gym.hydrodynamics.loads_kernels import accept_step, platform_force, water_motion
 from wt_gym.hydrodynamics.mooring_kernels import mooring_force
 
 BESIDE = Path(__file__).resolve().parents[3] / "shared" / "floating"
 SHORT = {"oc4_semi": "oc4", "volturnus_s": "volturn"}
-MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 needs_data = pytest.mark.skipif(not BESIDE.is_dir(), reason="needs the reference data of floating platforms")
 
 

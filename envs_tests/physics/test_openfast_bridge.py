@@ -21,18 +21,12 @@ from wt_gym.learning.options import PretrainingOptions, pretraining_environment
 from wt_gym.learning.pretraining_episodes import EpisodeJob, plant_outputs, record_episode
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.channels import parities
-from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import mirrored
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
 LIBRARY = openfast_library()
 pytestmark = [pytest.mark.skipif(LIBRARY is None, reason=f"no library of OpenFAST: {VARIABLE} is not set")]
 ROSCO = importlib.util.find_spec("rosco")
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 def simulator(turbine, wind=None, **options):

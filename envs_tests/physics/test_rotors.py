@@ -24,7 +24,6 @@ from wt_gym.aerodynamics.state import sparse_span
 from wt_gym.aerodynamics.wake.wake_kernels import wake_sheets
 from wt_gym.base.quantities import GRAVITY
 from wt_gym.simulation import FIDELITIES
-from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade_element import BladeElementRotor
 
 # ---- a rotor on the lattice -----------------------------------------------------------------------------------------
@@ -217,11 +216,6 @@ def test_reset_without_wake_and_induced_velocity_far_away():
 # ---- parts of the validation cases ----------------------------------------------------------------------------------
 
 RPM = np.pi / 30.0
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 def test_blade_element_theory_agrees_with_an_independent_one():

@@ -17,7 +17,6 @@ from wt_gym.analysis.metrics import (
     run_metrics,
 )
 from wt_gym.control.design import rotor_inertia
-from wt_gym.turbines import load_turbine
 
 
 def sine(amplitude, frequency, duration, step):
@@ -54,11 +53,6 @@ def test_del_scales_with_the_load_and_ignores_its_mean():
 def test_bad_histories_are_refused(history, duration, message):
     with pytest.raises(ValueError, match=message):
         damage_equivalent_load(np.array(history), duration, 4.0)
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 @pytest.fixture

@@ -54,11 +54,6 @@ from wt_gym.turbines.windio_writer import require_same
 from wt_gym.wind import MirroredInflow, SteadyInflow, TurbulenceBox, TurbulentInflow, TurningInflow, read_bts
 
 
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
-
-
 class TestModeShapes:
     """Ritz modes in ElastoDyn's polynomials, against exact solutions."""
 

@@ -13,12 +13,6 @@ from wt_gym.envs.faults import FaultTerm
 from wt_gym.envs.terminations import Limits
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.store import RunStore, run_digest
-from wt_gym.turbines import load_turbine
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 @pytest.fixture(scope="module")

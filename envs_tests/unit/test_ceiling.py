@@ -21,7 +21,6 @@ from wt_gym.learning.linear_design import Plant, forecast
 from wt_gym.learning.options import FeedbackOptions
 from wt_gym.learning.recording import Recording, respond
 from wt_gym.simulation.drivetrain.drives import pitch_delay
-from wt_gym.turbines import load_turbine
 
 DT, STEPS = 0.1, 600
 SPEED = 12.1 * math.pi / 30
@@ -37,11 +36,6 @@ WHOLE = np.zeros((9, 3, 20))
 WHOLE[0, 0] = WHOLE[1, 1] = WHOLE[2, 2] = -2e7 * np.exp(-np.arange(20) / 3.0)
 WHOLE[6, 0] = -8e7 * np.exp(-np.arange(20) / 5.0)
 WHOLE[5, 0], WHOLE[7, 2] = -0.01, 1e6
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 def plant_of(responses, turbine):

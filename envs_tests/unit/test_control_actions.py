@@ -13,14 +13,8 @@ from hypothesis import strategies as st
 from wt_gym.base.errors import ActionError
 from wt_gym.control import ActionMap, Demand, torque_curve
 from wt_gym.control.actions import ROUNDING, AgentSetpoint
-from wt_gym.turbines import load_turbine
 
 DT = 0.2
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 @pytest.fixture

@@ -44,11 +44,6 @@ from wt_gym.turbines import catalog, load_turbine
 RATED = 12.1 * math.pi / 30
 
 
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
-
-
 def readings(**changes):
     """Every channel that a controller reads, at a plausible point above rated."""
     values = dict.fromkeys(channels_read(3), 0.0) | dict.fromkeys(("wind_x", "lidar_1", "lidar_2", "lidar_3"), 15.0)

@@ -29,11 +29,6 @@ from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 MEAN, STEP, RATED = 16.0, 0.05, nrel_5mw_parameters().reference_speed / 97
 
 
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
-
-
 def seen(controller, wind, time, **changes):
     """Readings in a wind that travels at the mean speed, given as function of the time at the tower."""
     gates = enumerate(controller.lidar.ranges, start=1)

@@ -12,50 +12,6 @@ from wt_gym.turbines import load_turbine
 
 TURBINE = load_turbine("nrel_5mw")
 
-MINE = """
-from wt_gym.control import Demand
-from wt_gym.control.controllers import make_controller
-
-class Hold:
-    channels = ("generator_speed",)
-    def __init__(self, gain=1.0):
-        self.gain = gain
-    def start(self, signals, demand):
-        self.demand = demand
-    def step(self, signals, dt):
-        return self.demand
-
-class Sized(Hold):
-    def __init__(self, turbine, gain=1.0):
-        super().__init__(gain)
-        self.radius = turbine.rotor_diameter / 2
-
-class More:
-    channels = ()
-    def start(self, signals):
-        pass
-    def step(self, signals, dt, demand):
-        return demand
-
-class Rests:
-    def __init__(self, layout):
-        self.size = layout.action.size
-    def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        return [0.0] * self.size, state
-
-def retuned(turbine, gain_factor=1.0):
-    return make_controller("retuned", turbine, gain_factor=gain_factor)
-
-NOTHING = 3
-"""
-
-
-@pytest.fixture
-def mine(tmp_path):
-    path = tmp_path / "mine.py"
-    path.write_text(MINE)
-    return path
-
 
 @pytest.mark.parametrize(
     ("text", "kind", "target", "parameters"),

@@ -15,11 +15,6 @@ RPM = math.pi / 30
 NREL_5MW_TORQUE_CURVE = torque_curve(load_turbine("nrel_5mw"))
 
 
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
-
-
 @pytest.mark.parametrize(
     ("speed", "torque"),
     [

@@ -23,6 +23,7 @@ from envs_tests.unit.exported_library import (
     together,
     torques,
 )  # fmt: skip
+from wt_gym.base.files import read_toml
 from wt_gym.bridges.openfast import write_model
 from wt_gym.commands import run as run_command
 from wt_gym.control import Demand, Lidar
@@ -37,33 +38,7 @@ from wt_gym.turbines.openfast_text import InputFile
 
 pytestmark = pytest.mark.usefixtures("compiler")
 DT = INTERVAL
-CONTROLLERS = (
-    ("discon", "nrel_5mw"),
-    ("discon:notch_frequency=3.0", "nrel_5mw"),
-    ("discon:filter_damping=0.7", "nrel_5mw"),
-    ("discon:filter_damping=1.3,corner_frequency=4.0", "nrel_5mw"),
-    ("retuned+ipc_2p", "nrel_5mw"),
-    ("tuned", "nrel_5mw"),
-    ("ipc:fade=False,proportional_time=0.5", "nrel_5mw"),
-    ("constrained_ipc+tower_dampers+yaw", "nrel_5mw"),
-    ("linear_optimal", "nrel_5mw"),
-    ("tsr_tracking+ipc+linear_pitch:gain=0.5", "nrel_5mw"),
-    ("ipc+side_side_damper+observer", "nrel_5mw"),
-    ("tsr_tracking:thrust_limit=0.9", "nrel_5mw"),
-    ("tsr_tracking+ipc+yaw:dead_band=0.05", "nrel_5mw"),
-    ("discon", "iea_15mw"),  # the published one: table of gains, tip-speed ratio, second-order filter
-    ("discon+constrained_ipc", "iea_22mw"),
-    ("discon+fore_aft_damper", "gebhardt_45m"),
-    ("tuned_lidar", "nrel_5mw"),
-    ("lidar:fade=False", "nrel_5mw"),
-    ("derate_speed+lidar:fade=False", "nrel_5mw"),
-    ("tsr_tracking+lidar+ipc:ipc__fade=False,lidar__fade=False,delay=3.0", "nrel_5mw"),
-    ("lidar:fade=0.05", "iea_15mw"),
-    ("discon:constant_power=False", "nrel_5mw"),
-    ("linear_optimal", "oc4_nrel_5mw"),
-    ("ipc+yaw+fault_supervisor:pitch_time=0.2,fade=False", "nrel_5mw"),
-    ("linear_optimal+yaw+fault_supervisor:speed_tolerance=0.05,moment_jump=0.3", "iea_15mw"),
-)
+CONTROLLERS = read_toml(Path(__file__).with_name("data") / "exported_controllers.toml")["controllers"]
 
 
 def start_demand(readings, turbine):

@@ -69,11 +69,6 @@ DT = 0.1
 SPEED = 12.1 * math.pi / 30
 
 
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
-
-
 # ---------------------------------------------------------------- identification
 
 

@@ -17,14 +17,8 @@ from wt_gym.experiment.loadcase_runs import EXTREMES, PARKED, CaseRun, LoadCaseC
 from wt_gym.experiment.loadcases import CASES, DesignSituation, inflow_of, plan_of
 from wt_gym.experiment.store import SWEEP_FILE, digest
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, SensorBias, ShutDown, StuckPitch
-from wt_gym.turbines import load_turbine
 
 FATIGUE = ("blade_flap_del", "blade_edge_del", "tower_fore_aft_del", "tower_side_side_del")
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 def result(flap=1.0, clearance=8.0, ending="time", fatigue=1.0):

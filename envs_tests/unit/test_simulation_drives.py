@@ -9,15 +9,9 @@ from scipy.signal import lsim
 
 from wt_gym.base.errors import ActionError
 from wt_gym.simulation.drivetrain.drives import Drives, LinearDamper, TorqueCommand, available_torque, pitch_delay
-from wt_gym.turbines import load_turbine
 
 RATED = 12.1 * np.pi / 30
 DT = 0.1
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 @pytest.fixture

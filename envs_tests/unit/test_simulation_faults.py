@@ -20,16 +20,10 @@ from wt_gym.simulation.drivetrain.faults import (
     StuckPitch,
     checked_faults,
 )
-from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
 
 RATED, DT = 12.1 * np.pi / 30, 0.1
 RATE = math.radians(8.0)
-
-
-@pytest.fixture(scope="module")
-def turbine():
-    return load_turbine("nrel_5mw")
 
 
 @pytest.fixture

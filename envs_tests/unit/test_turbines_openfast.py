@@ -3,12 +3,14 @@
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from openfast_model import DEGREE, Model, principal
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import read_toml
 from wt_gym.commands import run as run_command
 from wt_gym.control.controllers import make_controller
 from wt_gym.experiment.steady_check import SteadyRun, steady_winds, verdict
@@ -330,75 +332,23 @@ class TestWhatTheFilesSay:
         assert fingerprint(same) == fingerprint(clockwise)
 
 
-LEFT_ASIDE = [
-    ("servodyn", "YawNeut", 8, "neutral position of the yaw spring"),
-    ("servodyn", "PitNeut(2)", 8, "neutral positions of the pitch springs"),
-    ("elastodyn", "PitchDOF", "T", "pitch bearings"),
-    ("servodyn", "TYawManS", 10.0, "events of the simulation"),
-    ("servodyn", "TPitManS(2)", 10.0, "events of the simulation"),
-    ("servodyn", "YCMode", 5, "yaw control"),
-    ("servodyn", "GenTiStr", "F", "start and stop of the generator"),
-    ("servodyn", "AfCmode", 1, "flow over the airfoils"),
-    ("servodyn", "PCMode", 0, "the model holds the pitch"),
-    ("elastodyn", "NacYaw", -8.0, "initial conditions"),
-    ("elastodyn", "BlPitch(1)", 3.0, "initial conditions"),
-    ("elastodyn", "TTDspFA", 0.3, "initial conditions"),
-    ("elastodyn", "FlapDOF1", "False", "modes that the model fixes"),
-    ("elastodyn", "TwSSDOF2", "False", "motions that the model fixes"),
-    ("elastodyn", "BlPIner(3)", 10.0, "inertias of pitch bearing"),
-    ("elastodyn", "NcIMUxn", -3.0, "sensors"),
-    ("primary", "Gravity", 3.7, r"Gravity 3\.7"),
-    ("aerodyn", "TwrPotent", 0, "AeroDyn's models"),
-    ("aerodyn", "Wake_Mod", 0, "AeroDyn's models"),
-    ("aerodyn", "TipLoss", "F", "AeroDyn's models"),
-    ("aerodyn", "Buoyancy", "T", "buoyancy"),
-    ("primary", "CompHydro", 1, "loads of the water"),
-    ("servodyn", "NumBStC", 2, "dampers of the blades"),
-    ("discon", "IPC_ControlMode", 1, "individual pitch control"),
-    ("discon", "PC_GS_KD", "0 0.1 0", "no derivative part"),
-]
+CHANGES = read_toml(Path(__file__).with_name("data") / "openfast_changes.toml")
 ASSUMED = ("clamped at its base", "DrTrDOF is False", "roll", "cut-in", "IEC class", "bends only")
 
 
 def test_what_has_no_effect_here_is_named(model, tmp_path):
     before = load_turbine(model.write(tmp_path)).notes
     model.elastodyn |= {"DrTrDOF": "False"}
-    for part, key, value, _ in LEFT_ASIDE:
+    for part, key, value, _ in CHANGES["left_aside"]:
         getattr(model, part)[key] = value
     after = [note for note in load_turbine(model.write(tmp_path)).notes if note not in before]
-    for _, key, _, words in LEFT_ASIDE:
+    for _, key, _, words in CHANGES["left_aside"]:
         assert any(key in note and re.search(words, note) for note in after), key
     for words in ASSUMED:
         assert any(words in note for note in (*before, *after)), words
 
 
-REFUSED = [
-    ("primary", "MHK", 2, "MHK must be 0"),
-    ("primary", "NRotors", 2, "NRotors must be 1, got 2"),
-    ("primary", "CompElast", 3, "CompElast must be .* got 3"),
-    ("primary", "CompAero", 1, "CompAero must be 2"),
-    ("primary", "EDFile", '"other.dat"', "there is no such file"),
-    ("elastodyn", "OverHang", 5.0, "OverHang must be a negative number"),
-    ("elastodyn", "PreCone(2)", -2.0, "PreCone must be the same cone"),
-    ("elastodyn", "TipMass(3)", 20.0, r"TipMass\(3\) must be 0"),
-    ("elastodyn", "Furling", "True", "Furling must be False"),
-    ("elastodyn", "NacYIner", 1000.0, "NacYIner must be at least"),
-    ("elastodyn", "HubMass", "heavy", "ed.dat: HubMass must be a finite number, got 'heavy'"),
-    ("elastodyn", "BldFile2", '"another.dat"', "the same file for all blades"),
-    ("elastodyn", "TipRad", 70.0, "BlSpn must be .* TipRad - HubRad = 68.5 m"),
-    ("elastodyn", "TowerHt", -1.0, "TowerHt must be a height above"),
-    ("primary", "AirDens", -1.0, "AirDens must be .* got -1.0"),
-    ("discon", "VS_RtPwr", 0.0, "rated power .* got 0.0"),
-    ("discon", "VS_GenEff", 0.944, "efficiency of the generator .* got 0.0094"),
-    ("discon", "PC_GS_KP", "-0.02 -0.01", "2 gains"),
-    ("discon", "PC_GS_KI", "0.008 0.004 0.002", "gains up to 0"),
-    ("primary", "AirDens", "nan", "AirDens must be a finite number"),
-    ("elastodyn", "DTTorSpr", 0.0, "DTTorSpr must be a number above 0"),
-    ("aerodyn", "AFTabMod", 4, "AFTabMod must be 1, 2 or 3"),
-]
-
-
-@pytest.mark.parametrize(("part", "key", "value", "message"), REFUSED)
+@pytest.mark.parametrize(("part", "key", "value", "message"), CHANGES["refused"])
 def test_what_would_be_another_turbine_is_refused(model, part, key, value, message, tmp_path):
     getattr(model, part)[key] = value
     path = model.write(tmp_path)
@@ -409,20 +359,7 @@ def test_what_would_be_another_turbine_is_refused(model, part, key, value, messa
         load_turbine(path, water_depth=20.0)
 
 
-@pytest.mark.parametrize(
-    ("file", "pattern", "new", "message"),
-    [
-        ("ed.dat", r".* Twr2Shft .*\n", "", "ed.dat: Twr2Shft: missing, no line has this keyword"),
-        ("tower.dat", r"(.*\n){2}\Z", "", "11 rows announced"),
-        ("aero/af0.dat", r"\d+ NumAlf", "nan NumAlf", "NumAlf must be a whole number"),
-        ("aero/af2_coords.txt", r"\d+ NumCoords", "1.5 NumCoords", "NumCoords must be a whole number"),
-        ("aero/ad.dat", "TwrElev TwrDiam", "TwrElev Diameter", "no column twrdiam"),
-        ("aero/ad.dat", "TwrElev TwrDiam TwrCd", "TwrElev TwrCd TwrDiam", "columns of the tower"),
-        ("tower.dat", "TwFAStif TwSSStif", "TwSSStif TwFAStif", "columns of the tower"),
-        ("aero/blade.dat", "BlTwist", "Twist", "no column bltwist"),
-        ("bd_sections.dat", r"\d+ +station_total", "99 station_total", "station_total sections"),
-    ],
-)
+@pytest.mark.parametrize(("file", "pattern", "new", "message"), CHANGES["damaged"])
 def test_damaged_tables_are_refused(model, file, pattern, new, message, tmp_path):
     path = model.write(tmp_path)
     changed, count = re.subn(pattern, new, (tmp_path / file).read_text(), count=1)

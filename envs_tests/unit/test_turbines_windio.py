@@ -11,13 +11,16 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import read_toml
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import BeamStations, inertia_matrix
 from wt_gym.turbines.catalog import turbine_file
 
 LENGTH = 40.0
+DATA = Path(__file__).with_name("data")
 
 
 def table(*values):
@@ -45,58 +48,18 @@ def tree(entries: dict) -> dict:
     return data
 
 
+SMALL = YAML(typ="safe").load(DATA / "small_turbine.yaml")
+
+
 def small_turbine() -> dict:
     """A made-up 40 m blade of constant section on an 80 m tower, in as few numbers as windIO allows."""
     angle = np.linspace(0.0, 2.0 * np.pi, 21)
-    x, y = np.abs(0.5 + 0.5 * np.cos(angle)), 0.1 * np.sin(angle)
-    lift = {"grid": [-180.0, -90.0, 0.0, 90.0, 180.0], "values": [0.0, -1.0, 0.0, 1.0, 0.0]}
-    drag, zero = ({"grid": [-180.0, 180.0], "values": [value] * 2} for value in (0.1, 0.0))
-    section = beam(K33=1e9, K44=8e8, K55=2e8, K66=1e8, mass=200.0, cm_y=0.3, i_edge=60.0, i_flap=10.0)
-    blade, tower, train = "components.blade.", "components.tower.", "components.drivetrain."
-    return tree(
-        {
-            "name": "small",
-            "windIO_version": "2.1",
-            "assembly": {
-                "rotor_orientation": "upwind",
-                "number_of_blades": 3,
-                "rated_power": 1.0e6,
-                "hub_height": 82.0,
-            },
-            "control": {"rated_rotor_speed": 18.0, "max_pitch_rate": 8.0, "optimal_tsr": 7.0},
-            "airfoils": [
-                tree(
-                    {
-                        "name": "ellipse",
-                        "rthick": 0.2,
-                        "coordinates": {"x": list(x), "y": list(y)},
-                        "polars": [
-                            {"configuration": "default", "re_sets": [{"re": 1e6, "cl": lift, "cd": drag, "cm": zero}]}
-                        ],
-                    }
-                )
-            ],
-            "materials": [{"name": "steel", "orth": 0, "rho": 7850.0, "E": 2.1e11, "nu": 0.3}],
-            blade + "reference_axis": {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, LENGTH)},
-            blade + "outer_shape.chord": table(2.0, 2.0),
-            blade + "outer_shape.twist": table(30.0, 30.0),
-            blade + "outer_shape.section_offset_y": table(0.6, 0.6),
-            blade + "outer_shape.rthick": table(0.2, 0.2),
-            blade + "outer_shape.airfoils": [{"name": "ellipse", "spanwise_position": 0.0}],
-            blade + "structure": {"anchors": [], "layers": [], "elastic_properties": section},
-            "components.hub": {"diameter": 2.0, "cone_angle": 0.0, "cd": 0.5},
-            "components.hub.elastic_properties": {"mass": 1e4, "inertia": [1e4] * 3 + [0.0] * 3, "location": [0.0] * 3},
-            train + "outer_shape": {"uptilt": 0.0, "distance_tt_hub": 2.0, "overhang": 4.0},
-            train + "gearbox": {"gear_ratio": 80.0, "efficiency": 1.0},
-            train + "gearbox.elastic_properties": {"torsional_stiffness": 1e8, "torsional_damping": 1e6},
-            train + "generator.elastic_properties": {"mass": 0.0, "inertia": [60.0] + [0.0] * 5, "location": [0.0] * 3},
-            train + "elastic_properties": {"mass": 5e4, "inertia": [1e5, 2e5, 2e5], "location": [0.5, 0.0, 1.5]},
-            tower + "reference_axis": {"x": table(0.0, 0.0), "y": table(0.0, 0.0), "z": table(0.0, 80.0)},
-            tower + "outer_shape": {"outer_diameter": table(4.0, 3.0), "cd": table(0.7, 0.7)},
-            tower + "structure.outfitting_factor": 1.1,
-            tower + "structure.layers": [{"name": "wall", "material": "steel", "thickness": table(0.03, 0.02)}],
-        }
-    )
+    data = copy.deepcopy(SMALL)
+    data["airfoils"][0]["coordinates"] = {
+        "x": list(np.abs(0.5 + 0.5 * np.cos(angle))),
+        "y": list(0.1 * np.sin(angle)),
+    }
+    return data
 
 
 def save(data: dict, tmp_path):
@@ -259,47 +222,7 @@ def test_a_missing_key_is_named_or_can_be_done_without(tmp_path):
     assert needed == {path for path in paths(small_turbine()) if not OPTIONAL.fullmatch(path)}
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "named"),
-    [
-        ("windIO_version", "1.0", "windIO_version"),
-        ("components.blade.outer_shape.chord.values", [2000.0, 2000.0], r"outer_shape\.chord"),
-        ("components.blade.outer_shape.chord.values", [2.0, "wide"], r"outer_shape\.chord\.values\[1\].*number"),
-        ("components.blade.outer_shape.chord.values", [2.0, float("nan")], r"chord\.values\[1\].*finite"),
-        ("components.blade.outer_shape.chord.values", [2.0, 2.0, 2.0], r"chord\.values.*shape \(2,\)"),
-        ("components.blade.outer_shape.chord.grid", [1.0, 0.0], r"chord\.grid\[1\].*ascending"),
-        ("components.blade.outer_shape.chord.grid", [0.0, 0.9], r"chord\.grid.*0 .*1"),
-        ("components.blade.outer_shape.twist.values", [200.0, 200.0], r"Blade\.twist"),
-        ("components.blade.outer_shape.airfoils.0.name", "NACA0012", r"airfoils\[0\]\.name.*ellipse"),
-        ("components.blade.outer_shape.airfoils.0.configuration", ["rough"], r"configuration.*default"),
-        ("airfoils.0.polars.0.re_sets.0.cl.grid", [-90.0, -45.0, 0.0, 45.0, 90.0], r"cl\.grid.*-180"),
-        ("airfoils.0.polars.0.re_sets", [], "re_sets"),
-        ("airfoils.0.coordinates.x", [0.0, 0.5, 1.0], r"coordinates\.y"),
-        ("components.blade.structure.elastic_properties.stiffness_matrix.K55", [2e8, -2e8], "K55|positive definite"),
-        ("components.blade.structure.elastic_properties.stiffness_matrix.K45", [9e8, 9e8], "positive definite"),
-        ("components.hub.diameter", 2000.0, r"hub\.diameter.*30"),
-        ("components.hub.diameter", "two", r"hub\.diameter.*number"),
-        ("assembly.number_of_blades", "three", r"assembly\.number_of_blades.*three"),
-        ("assembly.turbine_class", "X", r"assembly\.turbine_class.*X"),
-        ("control.rated_rotor_speed", [18.0], r"control\.rated_rotor_speed"),
-        ("components.drivetrain.elastic_properties.mass", "heavy", r"drivetrain\.elastic_properties\.mass"),
-        ("components.hub.elastic_properties.mass", -5.0, r"hub\.elastic_properties\.mass"),
-        ("control.max_gen_torque", 3.0, r"control\.max_gen_torque.*rated.*3"),
-        ("components.tower.structure.layers.0.material", "wood", r"material.*steel"),
-        ("components.tower.structure.layers.0.thickness.values", [3.0, 0.02], "thickness"),
-        ("components.tower.reference_axis.x.values", [0.0, 5.0], r"tower\.reference_axis"),
-        ("assembly.rotor_orientation", "downwind", "upwind"),
-        ("assembly.hub_height", 120.0, "hub_height"),
-        ("control.max_pitch_rate", -8.0, "max_pitch_rate"),
-        ("airfoils.0.coordinates.x.5", 0.9, r"coordinates\.x\[5\].*in order.*0\.9"),
-        ("airfoils.0.polars.0.re_sets.0.cd.values", [0.1, -0.1], r"cd\.values\[1\].*at least 0.*-0\.1"),
-        (
-            "components.drivetrain.generator.rpm_efficiency",
-            {"grid": [0.0, 20.0], "values": [0.01, 0.01]},
-            r"efficiency.*0\.01",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("path", "value", "named"), read_toml(DATA / "windio_wrong_values.toml")["wrong"])
 def test_wrong_values_are_named(path, value, named, tmp_path):
     data = small_turbine()
     parent, key = at(data, path)

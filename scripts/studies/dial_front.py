@@ -29,6 +29,7 @@ from wt_gym.commands.train import configuration
 from wt_gym.envs.dial import DIAL_NAMES
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
 from wt_gym.experiment.trained_agent import TrainedAgent
+from wt_gym.learning.linear_design import forecast_change
 from wt_gym.learning.pretraining import FRONT_SETTINGS
 from wt_gym.learning.train import train as train_policy
 
@@ -55,12 +56,8 @@ def cost_parts(metrics: Mapping[str, float], base: Mapping[str, float]) -> NDArr
     metrics, base : mapping
         Of `wt_gym.analysis.metrics.run_metrics`, in the same wind.
     """
-
-    def change(name: str) -> float:
-        size = 1.0 if name == "pitch_duty_cycle" else base[name]
-        return _WEIGHTS[name] * (metrics[name] - base[name]) / size
-
-    return np.array([sum(change(metric) for metric in PARTS[name]) for name in DIAL_NAMES])
+    counted = [{metric: metrics[metric] for metric in PARTS[name]} for name in DIAL_NAMES]
+    return np.array([forecast_change(part, base, _WEIGHTS) for part in counted])
 
 
 def covered(dial: Mapping[str, Sequence[float]], single: Mapping[str, Sequence[float]]) -> float:

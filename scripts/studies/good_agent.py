@@ -17,6 +17,7 @@ from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS, mean_spectrum
 from wt_gym.analysis.results import Wind
 from wt_gym.base.picture_style import COLORS, plain
 from wt_gym.experiment.evaluation import EvaluationConfig, evaluate
+from wt_gym.learning.linear_design import forecast_change
 
 PAGE = ROOT / "docs" / "tutorials" / "good_agent.md"
 AGENTS = {"baseline": "discon", "linear optimum": "linear_optimal", "agent": str(TRAINED / "load_reduction")}
@@ -27,6 +28,7 @@ SIGNALS = (
     ("pitch_1", 180.0 / np.pi, "Pitch of blade 1 [deg]"),
     ("tower_base_fore_aft_moment", 1e-6, "Fore-aft moment of the tower base [MN m]"),
 )
+WEIGHTS = {"mean_power" if name == "captured_power" else name: w for name, w in LIFETIME_COST_WEIGHTS.items()}
 LOADS = ("blade_flap_del", "tower_fore_aft_del", "tower_side_side_del", "blade_edge_del")
 
 
@@ -39,13 +41,8 @@ def means(runs):
 
 def cost(metrics, reference):
     """Change of the cost of energy by the weights of `wt_gym.analysis.metrics.LIFETIME_COST_WEIGHTS`."""
-    total = 0.0
-    for name, weight in LIFETIME_COST_WEIGHTS.items():
-        if name == "pitch_duty_cycle":
-            total += weight * (metrics[name] - reference[name])
-        elif (own := {"captured_power": "mean_power"}.get(name, name)) in metrics:
-            total += weight * (metrics[own] / reference[own] - 1.0)
-    return total
+    counted = {name: value for name, value in metrics.items() if name in WEIGHTS}
+    return forecast_change(counted, reference, WEIGHTS)
 
 
 def table(runs):

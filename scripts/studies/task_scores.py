@@ -14,7 +14,6 @@ import math
 import re
 import sys
 import time
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -52,7 +51,7 @@ from wt_gym.analysis.statistics import (
     relative_change,
     wind_weights,
 )
-from wt_gym.base.files import write_text_whole
+from wt_gym.base.files import read_toml, write_text_whole
 from wt_gym.commands.program import stoppable, user_errors
 from wt_gym.envs.faults import FAULT_KINDS
 from wt_gym.envs.wind_sampler import EVALUATION_WIND_SEEDS, GUSTS
@@ -152,7 +151,7 @@ def _parts(winds: dict[str, Any]) -> tuple[Part, ...]:
 
 def _read_studies(path: Path) -> dict[str, Study]:
     """Studies of the file, by the name of the table."""
-    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    tables = read_toml(path)
     columns, studies = tables.pop("columns"), {}
     for name, table in tables.items():
         shown = tuple(Column(*columns[key]) for key in table.pop("columns"))

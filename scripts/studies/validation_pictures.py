@@ -23,6 +23,7 @@ from study_pages import DATA, ROOT, read_json, save_svg, write_entries
 
 from envs_tests.physics.validation import Figure as CaseFigure
 from envs_tests.physics.validation import bounds_of, load_cases, read_record, run_case
+from wt_gym.base.files import read_toml
 from wt_gym.base.picture_style import BLUE, COLORS, GRAY, GREEN, INK, LINE_STYLES, ORANGE, plain
 
 CURVES, RECORD, STEADY = "validation_figures.json", "validation.json", "steady_states.json"
@@ -30,37 +31,8 @@ PUBLISHED = ROOT / "envs_tests" / "physics" / "data"
 QUANTITIES = {"rotor speed [rpm]": 1.0, "pitch [deg]": 1.0, "power [MW]": 1e-3, "thrust [kN]": 1.0}
 """Panels of the steady states with the factors of their data."""
 MOST_POINTS = 240  # of a curve
-PICTURES = {
-    "validation_rotor": (
-        ("nrel-5mw-rotor", r"^Cp, tip-speed ratio ([\d.]+), pitch 0$", "Cp at pitch 0", "tip-speed ratio", "Cp"),
-        ("nrel-5mw-rotor", r"^Ct, tip-speed ratio ([\d.]+), pitch 0$", "Ct at pitch 0", "tip-speed ratio", "Ct"),
-        ("nrel-5mw-rotor", r"^Cp, tip-speed ratio 5, pitch ([\d.]+) deg$", "Cp at tip-speed ratio 5", "pitch [deg]",
-         "Cp"),
-        ("nrel-5mw-rotor", r"^Ct, tip-speed ratio 5, pitch ([\d.]+) deg$", "Ct at tip-speed ratio 5", "pitch [deg]",
-         "Ct"),
-    ),
-    "validation_phase_vi": (
-        ("uae-phase-vi-stall", r"^Snel, (\d+) m/s: shaft torque", "Shaft torque, stall delay of Snel",
-         "wind speed [m/s]", "torque [N m]"),
-        ("uae-phase-vi-stall", r"^Snel, (\d+) m/s: normal force", "Normal force at 30 % of the radius, Snel",
-         "wind speed [m/s]", "c_n"),
-        ("uae-phase-vi", "."),
-    ),
-    "validation_steps": (("tjaereborg", "."), ("wind-step", ".")),
-    "validation_floating": (
-        ("floating-decays", r"(surge|pitch)$"),
-        ("floating-waves", r"^OC4, ([\d.]+) s, 2 m: surge$", "OC4, surge over wave", "period of the wave [s]", "m/m"),
-        ("floating-waves", r"^OC4, ([\d.]+) s, 2 m: pitch$", "OC4, pitch over wave", "period of the wave [s]",
-         "deg/m"),
-    ),
-    "validation_gebhardt": (("gebhardt-2012", r"^Figure \d+:"),),
-    "validation_observer": (
-        ("observer-frame-rotor", r"^Fig\. 3"), ("observer-frame-follower", r"^Fig\. 4"),
-        ("observer-frame-references", r"^Fig\. 5"),
-    ),
-}  # fmt: skip
-"""Parts of pictures: a case with a pattern for the titles of its figures; or with a pattern for its checks, whose group
-is the abscissa, and title and labels of the panel that shows them."""
+PICTURES = read_toml(Path(__file__).with_suffix(".toml"))
+"""Parts of pictures, see the file."""
 
 
 CASES = tuple(dict.fromkeys(part[0] for parts in PICTURES.values() for part in parts if len(part) == 2))

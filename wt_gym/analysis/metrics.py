@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ import rainflow
 from numpy.typing import NDArray
 from scipy import signal as scipy_signal
 
+from wt_gym.base.files import read_rows
 from wt_gym.control.design import rotor_inertia
 from wt_gym.turbines import Turbine
 
@@ -54,41 +56,25 @@ class Metric:
     0.2 m more, not 200 %."""
 
 
-METRICS: dict[str, Metric] = {
-    "mean_power": Metric("Mean power", "MW", 1e-6, +1, 3),
-    "corrected_power": Metric("Mean power, kinetic energy corrected", "MW", 1e-6, +1, 3),
-    "energy": Metric("Energy", "MWh", 1 / 3.6e9, +1, 3),
-    "power_std": Metric("Power, standard deviation", "MW", 1e-6, -1, 3),
-    "rotor_speed_mean": Metric("Rotor speed, mean", "rpm", 30 / np.pi, 0, 2),
-    "rotor_speed_std": Metric("Rotor speed, standard deviation", "rpm", 30 / np.pi, -1, 3),
-    "rotor_speed_max": Metric("Rotor speed, maximum", "rpm", 30 / np.pi, -1, 2, "max"),
-    "overspeed_count": Metric("Overspeed events (> 110 % rated)", "-", 1.0, -1, 1, "sum", share=False),
-    "blade_flap_del": Metric("Blade root flapwise DEL (m = 10)", "MN m", 1e-6, -1, 2),
-    "blade_edge_del": Metric("Blade root edgewise DEL (m = 10)", "MN m", 1e-6, -1, 2),
-    "blade_flap_max": Metric("Blade root flapwise moment, largest", "MN m", 1e-6, -1, 2, "max"),
-    "tip_deflection_max": Metric("Tip deflection downwind, largest", "m", 1.0, -1, 2, "max"),
-    "tip_clearance_min": Metric("Tip clearance to the tower, smallest", "m", 1.0, +1, 2, "min", share=False),
-    "tower_fore_aft_del": Metric("Tower base fore-aft DEL (m = 4)", "MN m", 1e-6, -1, 2),
-    "tower_side_side_del": Metric("Tower base side-side DEL (m = 4)", "MN m", 1e-6, -1, 2),
-    "tower_del": Metric("Tower base DEL, worst direction (m = 4)", "MN m", 1e-6, -1, 2),
-    "tower_base_max": Metric("Tower base moment, largest", "MN m", 1e-6, -1, 1, "max"),
-    "pitch_duty_cycle": Metric("Pitch actuator duty cycle", "%", 100.0, -1, 2),
-    "pitch_travel": Metric("Pitch travel, mean of the blades", "deg", 180 / np.pi, -1, 1),
-    "yaw_travel": Metric("Yaw travel", "deg", 180 / np.pi, -1, 2),
-    "time_without_power": Metric("Time without power", "%", 100.0, -1, 1),
-    "time_at_standstill": Metric("Time at less than a tenth of rated rotor speed", "%", 100.0, -1, 1),
-    "torque_rate": Metric("Generator torque rate, root mean square", "kN m/s", 1e-3, -1, 2),
-    "limits_violated": Metric("Runs beyond a cost limit", "%", 100.0, -1, 1),
-    "platform_pitch_mean": Metric("Platform pitch, mean", "deg", 180 / np.pi, 0, 2),
-    "platform_pitch_std": Metric("Platform pitch, standard deviation", "deg", 180 / np.pi, -1, 3),
-    "platform_tilt_max": Metric("Platform tilt, largest", "deg", 180 / np.pi, -1, 2, "max"),
-    "tracking_rms": Metric("Tracking error of the power, root mean square", "kW", 1e-3, -1, 1),
-    "tracking_mean": Metric("Tracking error of the power, mean size", "kW", 1e-3, -1, 1),
-    "tracking_rms_share": Metric("Tracking error over rated power, root mean square", "%", 100.0, -1, 2),
-    "tracking_rms_in_wind": Metric("The same while the wind allows the demanded power", "kW", 1e-3, -1, 1),
-    "saturated_share": Metric("Time in which the wind allows less than demanded", "%", 100.0, 0, 1),
-    "demanded_energy": Metric("Energy over that demanded", "%", 100.0, 0, 2),
-}
+_FACTORS = {
+    "MW": 1e-6, "MWh": 1 / 3.6e9, "kW": 1e-3, "rpm": 30 / np.pi, "deg": 180 / np.pi, "MN m": 1e-6, "kN m/s": 1e-3,
+    "m": 1.0, "%": 100.0, "-": 1.0,
+}  # fmt: skip
+"""From SI to the units of the table of metrics."""
+
+
+def _read_metrics() -> dict[str, Metric]:
+    """Metrics of the file; their share is 0 or 1."""
+    return {
+        row["name"]: Metric(
+            row["label"], row["unit"], _FACTORS[row["unit"]], int(row["better"]), int(row["digits"]),
+            row["over_winds"], row["share"] == "1",
+        )
+        for row in read_rows(Path(__file__).with_name("metrics.csv"))
+    }  # fmt: skip
+
+
+METRICS = _read_metrics()
 TRACKING_METRICS = tuple(METRICS)[tuple(METRICS).index("tracking_rms") :]
 """Metrics that only runs with a power reference have."""
 PLATFORM_METRICS = ("platform_pitch_mean", "platform_pitch_std", "platform_tilt_max")
@@ -97,28 +83,7 @@ LIMIT_METRICS = ("limits_violated",)
 """Metrics that only runs with limits of costs have."""
 
 
-COLUMN_HEADS = {
-    "mean_power": "power",
-    "corrected_power": "power",
-    "blade_flap_del": "flap DEL",
-    "blade_edge_del": "edge DEL",
-    "tower_fore_aft_del": "tower fore-aft DEL",
-    "tower_side_side_del": "tower side-side DEL",
-    "pitch_duty_cycle": "duty",
-    "pitch_travel": "pitch travel",
-    "rotor_speed_max": "speed max",
-    "tip_clearance_min": "clearance min",
-    "overspeed_count": "overspeeds",
-    "limits_violated": "beyond a limit",
-    "platform_pitch_mean": "pitch mean",
-    "platform_pitch_std": "pitch std",
-    "platform_tilt_max": "tilt max",
-    "tracking_rms": "error rms",
-    "tracking_mean": "error mean",
-    "tracking_rms_share": "error rms/rated",
-    "saturated_share": "saturated",
-    "demanded_energy": "energy/demanded",
-}
+COLUMN_HEADS = {row["name"]: row["head"] for row in read_rows(Path(__file__).with_name("column_heads.csv"))}
 """Short names of metrics, heads of the columns of tables."""
 
 

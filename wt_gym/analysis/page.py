@@ -14,7 +14,7 @@ from datetime import datetime
 from html import escape
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from wt_gym.analysis.metrics import COLUMN_HEADS, Metric, metric_of
 from wt_gym.analysis.statistics import Estimate, difference
@@ -177,6 +177,12 @@ def html_list(items: Iterable[str]) -> str:
     """List of sentences, empty where there is none."""
     listed = "".join(f"<li>{escape(item)}</li>" for item in items)
     return f"<ul>{listed}</ul>" if listed else ""
+
+
+def method_list(path: Path, settings: Mapping[str, Any], *more: str, **values: Any) -> str:
+    """Origin and meaning of the numbers: the lines of a text with values in them, further ones, and the settings."""
+    lines = path.read_text(encoding="utf-8").format(**values).splitlines()
+    return html_list([*lines, *more]) + settings_element(settings)
 
 
 def badge(kind: str, word: str) -> str:

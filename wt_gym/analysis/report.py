@@ -358,30 +358,13 @@ def _shown_winds(evaluation: Evaluation) -> list[Wind]:
 
 def _method(evaluation: Evaluation) -> str:
     """Origin and meaning of the numbers."""
-    skip = evaluation.settings.get("skip", 0.0)
-    items = [
-        f"Metrics leave out the first {skip:g} s of every run, in which the wake forms.",
-        "All agents meet the same winds and start in the same state. A change against"
-        f" {evaluation.baseline} is taken wind by wind; shown is the interquartile mean of these changes (for power"
-        " and energy the mean, because what one wind costs another must earn), and in"
-        f" brackets its 95 % interval: expanded percentiles (Hesterberg 2015) of {N_RESAMPLES} bootstrap"
-        f" resamples of the winds, stratified by mean wind speed. There are"
-        f" no intervals with less than {LEAST_PER_STRATUM} winds a speed.",
-        "\u2713 better and \u2717 worse: a change of 1 % or more whose interval excludes zero. \u2248 shown equal: the"
-        " whole interval is within 1 % to either side. \u25cb no difference seen: neither of these, more winds would"
-        " tell. Extremes have no interval: their mark is that of the difference alone.",
-        "Power is corrected: the mean electrical power plus the kinetic energy that rotor and generator gained over the"
-        " time measured, divided by that time.",
-        "Damage-equivalent loads (DEL) are peak-to-peak amplitudes of a 1 Hz load with the same damage: rainflow"
-        " cycles by ASTM E1049, Woehler exponent 10 at the blade root (worst blade) and 4 at the tower base.",
-        "The pitch duty cycle is the mean pitch rate over the greatest possible one, mean of the blades.",
-        "Largest and smallest values are those of all structural time steps and all winds, overspeeds are counted over"
-        " all winds; their differences are differences of these.",
-        "\u2020 A run ended early: its figures cover the time until then and are not compared.",
-    ]
-    if evaluation.training and unseen(evaluation):
-        items.append("No training episode used the turbulence seeds of this evaluation.")
-    return page.html_list(items) + page.settings_element(evaluation.settings)
+    seen = evaluation.training and unseen(evaluation)
+    return page.method_list(
+        Path(__file__).with_name("report_method.txt"), evaluation.settings,
+        *(["No training episode used the turbulence seeds of this evaluation."] if seen else []),
+        skip=evaluation.settings.get("skip", 0.0), baseline=evaluation.baseline, resamples=N_RESAMPLES,
+        least=LEAST_PER_STRATUM,
+    )  # fmt: skip
 
 
 # Almost a megabyte each: more agents would make the page heavy.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
 import tempfile
 import threading
+import tomllib
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -50,6 +52,17 @@ def read_json(path: Path, kind: type = dict) -> Any:
     except ValueError as error:  # no JSON, or no text at all
         raise ValueError(f"{path} is damaged: {error}") from error
     return value
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a table that belongs to the package, values by the names in its first line."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Values of a TOML file that belongs to the package."""
+    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 @contextmanager

@@ -18,6 +18,9 @@ DAY = 86400.0
 GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s²] (3rd CGPM, 1901; ISO 80000-3), as in OpenFAST's model of the NREL 5-MW."""
 
+MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+"""Of a body that moves freely, three along axes and three about them, in their order."""
+
 
 def wrapped(angle: float) -> float:
     """The same direction within [-π, π) [rad], to filter, average or subtract angles where they wrap around."""

@@ -9,10 +9,12 @@ import logging
 import math
 import time
 from dataclasses import astuple, dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
 from wt_gym.base.errors import ServerError, WtGymError
+from wt_gym.base.files import read_rows
 
 FIRST_CALL, LAST_CALL = 0, -1
 """Status of the first message of a simulation and of the last one."""
@@ -33,37 +35,14 @@ class Field:
     neutral: float = math.nan
 
 
-READINGS = (
-    Field("ZMQ_ID", "-", "number of the turbine, 0 to 9999"),
-    Field("iStatus", "-", "0 first call, 1 later calls, -1 last call"),
-    Field("Time", "s", "time"),
-    Field("VS_MechGenPwr", "W", "shaft power"),
-    Field("VS_GenPwr", "W", "electrical power"),
-    Field("GenSpeed", "rad/s", "generator speed"),
-    Field("RotSpeed", "rad/s", "rotor speed"),
-    Field("GenTqMeas", "N m", "generator torque"),
-    Field("NacHeading", "deg", "nacelle yaw"),
-    Field("NacVane", "deg", "wind direction minus nacelle yaw"),
-    Field("HorWindV", "m/s", "horizontal wind speed at the hub"),
-    Field("rootMOOP(1)", "N m", "out-of-plane root moment, blade 1"),
-    Field("rootMOOP(2)", "N m", "out-of-plane root moment, blade 2"),
-    Field("rootMOOP(3)", "N m", "out-of-plane root moment, blade 3"),
-    Field("FA_Acc_TT", "m/s²", "tower-top acceleration, fore-aft"),
-    Field("NacIMU_FA_RAcc", "rad/s²", "angular acceleration of the nacelle, fore-aft"),
-    Field("Azimuth", "rad", "azimuth of blade 1"),
-)
-"""Fields of `Message`, whose moments are one of three."""
-SET_POINTS = (
-    Field("ZMQ_TorqueOffset", "N m", "torque offset; ROSCO 2.10 takes it and does not apply it", 0.0),
-    Field("ZMQ_YawOffset", "deg", "offset of the yaw error that ROSCO's yaw control aims at", 0.0),
-    Field("ZMQ_PitOffset(1)", "rad", "offset on the pitch demand, blade 1", 0.0),
-    Field("ZMQ_PitOffset(2)", "rad", "offset on the pitch demand, blade 2", 0.0),
-    Field("ZMQ_PitOffset(3)", "rad", "offset on the pitch demand, blade 3", 0.0),
-    Field("ZMQ_R_Speed", "-", "factor on the rated speed, with PRC_Mode 2 and PRC_Comm 2", 1.0),
-    Field("ZMQ_R_Torque", "-", "factor on the rated torque, likewise", 1.0),
-    Field("ZMQ_R_Pitch", "-", "power rating by the fine pitch, likewise", 1.0),
-)
-"""Fields of `SetPoints`."""
+def _read_fields(message: str) -> tuple[Field, ...]:
+    """Fields of a message in the table; a reading has no neutral value."""
+    rows = [row for row in read_rows(Path(__file__).with_suffix(".csv")) if row["message"] == message]
+    return tuple(Field(row["name"], row["unit"], row["meaning"], float(row["neutral"] or math.nan)) for row in rows)
+
+
+READINGS, SET_POINTS = _read_fields("readings"), _read_fields("set_points")
+"""Fields of `Message`, whose moments are one of three, and of `SetPoints`."""
 _GREATEST_ID = 9999
 
 

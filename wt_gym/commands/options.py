@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wt_gym.base.errors import did_you_mean
+from wt_gym.base.files import read_toml
 from wt_gym.base.options import Options, add_options, chosen_options, named_value, options_of
 from wt_gym.commands.program import FIDELITIES_HELP, folder_path, json_value
 from wt_gym.tasks import DEFAULT_ENV
@@ -27,70 +29,24 @@ def wind_word(word: str) -> Any:
     return json_value(word) if word.lstrip().startswith("{") else word
 
 
-_SHARED: dict[str, dict[str, Any]] = {
-    "turbine": {"default": "nrel_5mw", "help": "catalog name or windIO file (default: %(default)s)"},
-    "site": {
-        "type": named_value, "nargs": "+", "metavar": "NAME=VALUE",
-        "help": "numbers of the site instead of those of the turbine: air_density, cut_in, cut_out, iec_class, "
-        "turbulence_class, controller_air_density, rotation",
-    },
-    "wind": {
-        "type": wind_word, "nargs": "+", "metavar": "FILE",
-        "help": "winds from files (.bts, .csv, .wnd, .hh, .nc, .json) or as JSON, see docs/wind.md",
-    },
-    "simulator": {
-        "type": wind_word, "default": OWN_SIMULATOR, "metavar": "NAME",
-        "help": "wt_gym or openfast (default: %(default)s), or JSON with options: "
-        '\'{"name": "openfast", "openfast_library": "libopenfastlib.so"}\', see docs/howto/openfast.md',
-    },
-    "fidelity": {"help": FIDELITIES_HELP},
-    "env": {"default": DEFAULT_ENV, "metavar": "ID", "help": "environment id (default: %(default)s)"},
-    "env_kwargs": {
-        "type": json_value, "default": {}, "metavar": "JSON",
-        "help": 'more arguments of the environment, e.g. \'{"pitch": "individual"}\'',
-    },
-    "wind_speed": {"type": float, "nargs": "+", "metavar": "M_S", "help": "mean wind speeds [m/s]"},
-    "wind_seeds": {
-        "type": int, "nargs": "+", "metavar": "SEED", "help": "turbulence seeds (default: six held-out ones)",
-    },
-    "duration": {
-        "type": float, "default": 600.0, "metavar": "S", "help": "length of a run [s] (default: %(default)s)",
-    },
-    "skip": {
-        "type": float, "default": 30.0, "metavar": "S",
-        "help": "start left out of the metrics [s] (default: %(default)s)",
-    },
-    "out": {"type": folder_path, "metavar": "DIR", "help": "folder for the results (default: %(default)s)"},
-    "overwrite": {"action": "store_true", "help": "remove the results that are in the folder"},
-    "allow_other_environment": {
-        "action": "store_true",
-        "help": "take trained models into other noise, action spans or base controllers than those of their training",
-    },
-    "algo": {
-        "metavar": "NAME",
-        "help": "algorithm of models without a record of their training: PPO, A2C, SAC, TQC, TD3, DDPG or DQN "
-        "(default: as the file shows; for one of several, model.zip:algo=NAME)",
-    },
-    "trust": {
-        "action": "store_true",
-        "help": "load models that hold more than a policy needs, with whatever code is in them",
-    },
-    "jobs": {
-        "type": int, "metavar": "N",
-        "help": "runs at a time, in processes (default: 1; with Ray all processors of the cluster)",
-    },
-    "engine": {
-        "choices": ("local", "ray"), "default": "local",
-        "help": "this machine's processes, or a Ray cluster (extra ray; default: %(default)s)",
-    },
-    "address": {
-        "metavar": "HOST:PORT",
-        "help": "of the Ray cluster, or auto (default: RAY_ADDRESS, else a Ray of this machine alone)",
-    },
-    "title": {"help": "title of the report"},
-    "no_report": {"action": "store_true", "help": "write runs and metrics only"},
-    "json": {"action": "store_true", "help": "print the results as one JSON object at the end"},
+_TYPES = {
+    "float": float, "int": int, "json": json_value, "named_value": named_value, "wind_word": wind_word,
+    "folder": folder_path,
 }  # fmt: skip
+
+
+def _read_shared() -> dict[str, dict[str, Any]]:
+    """Settings of ``add_argument`` by the name of the option."""
+    shared = read_toml(Path(__file__).with_suffix(".toml"))
+    for settings in shared.values():
+        if "type" in settings:
+            settings["type"] = _TYPES[settings["type"]]
+    shared["fidelity"]["help"] = FIDELITIES_HELP
+    shared["env"]["default"], shared["simulator"]["default"] = DEFAULT_ENV, OWN_SIMULATOR
+    return shared
+
+
+_SHARED = _read_shared()
 WORKERS = ("jobs", "engine", "address")
 """Options of who does the jobs of a sweep, and how many at a time."""
 MODELS = ("algo", "trust")

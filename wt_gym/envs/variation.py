@@ -16,11 +16,13 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from wt_gym.base.errors import ActionError, InflowError, did_you_mean
+from wt_gym.base.files import read_toml
 from wt_gym.base.options import Options, as_tuple, check_whole_steps, not_empty, option, option_record, options_of
 from wt_gym.control import ActionMap, Lidar
 from wt_gym.envs.channels import Observable
@@ -140,42 +142,11 @@ CHOICES = ("turbulence_class", "dead_sensor")
 """Quantities drawn from a list of names."""
 RANGES = {one.name: one for one in options_of(Variation) if one.name not in (*CHOICES, "plants")}
 """Quantities drawn from a range."""
-_DEGREE = math.pi / 180.0
 
-TRAIN = Variation(
-    pitch_gain=(0.75, 1.25),
-    tower_frequency=(0.93, 1.07),
-    tower_damping=(0.5, 2.0),
-    blade_stiffness=(0.9, 1.15),
-    air_density=(0.93, 1.05),
-    drive_lag=(0.0, 0.3),
-    pitch_rate=(0.7, 1.0),
-    sensor_delay=(0.0, 0.2),
-    sensor_offset=(-0.4, 0.4),
-    sensor_noise=(0.0, 1.0),
-    turbulence_class=("A", "B", "C"),
-    shear_exponent=(-0.1, 0.3),
-    yaw_error=(-15.0 * _DEGREE, 15.0 * _DEGREE),
-)
-"""Ranges for training."""
-HELD_BACK = Variation(
-    pitch_gain=(1.25, 1.4),
-    tower_frequency=(1.07, 1.14),
-    tower_damping=(0.3, 0.5),
-    blade_stiffness=(0.8, 0.9),
-    air_density=(0.85, 0.93),
-    drive_lag=(0.3, 0.5),
-    pitch_rate=(0.5, 0.7),
-    sensor_delay=(0.2, 0.4),
-    sensor_offset=(0.4, 0.6),
-    sensor_noise=(1.0, 2.0),
-    turbulence_class=("A+",),
-    shear_exponent=(0.3, 0.4),
-    yaw_error=(15.0 * _DEGREE, 20.0 * _DEGREE),
-)
-"""Ranges held back for tests: of every quantity an interval beyond that of `TRAIN`, with which it shares an end."""
-PRESETS: dict[str, Variation] = {"train": TRAIN, "held_back": HELD_BACK}
+PRESETS = {name: Variation(**ranges) for name, ranges in read_toml(Path(__file__).with_suffix(".toml")).items()}
 """Variations by name."""
+TRAIN, HELD_BACK = PRESETS["train"], PRESETS["held_back"]
+"""Ranges for training, and those held back for tests."""
 
 
 def varied_turbine(

@@ -25,8 +25,8 @@ from wt_gym.analysis.page import (
     html_list,
     legend,
     markdown,
+    method_list,
     metric_label,
-    settings_element,
     style,
     table,
     titles_at_left,
@@ -351,20 +351,9 @@ def _courses(results: LoadCaseResults, runs: dict[str, CaseRun]) -> go.Figure:
 
 def _method(results: LoadCaseResults) -> str:
     """Origin and meaning of the numbers."""
-    items = [
-        "Cases and partial safety factors \u03b3 of IEC 61400-1, edition 3 with amendment 1, tables 2 and 3.",
-        "Characteristic values: the mean over the seeds, or over the azimuths of the rotor at the start, of what is"
-        " worst in a run; in DLC 2.1 and 2.2 over the worse half of the seeds; then the worst wind speed, sign and"
-        " time.",
-        f"DLC 1.1 is extrapolated to 50 years by the factor {EXTRAPOLATION:g} of the amendment, which is for blades;"
-        " what else is worst in production is a matter of DLC 1.3. It supposes runs of ten minutes.",
-        "Clearance: the deflection from the unloaded clearance counts, times \u03b3 and "
-        f"{DEFLECTION_FACTOR:g} on the stiffness. A negative value touches the tower.",
-        f"The first {SKIP:g} s of every run are left out. Flapwise moment, tower moment, clearance and rotor speed are"
-        " those of all structural steps, the edgewise moment of the control steps.",
-        "A turbine that stands after a shut-down has come through. Overspeed, a tip that strikes the tower, a rotor"
-        " that stops by itself and a simulation that leaves its range have not.",
-    ]
-    if results.settings["quick"]:
-        items.append("This is the quick set: too few seeds and too short runs for a certificate.")
-    return html_list(items) + settings_element(results.settings)
+    quick = ["This is the quick set: too few seeds and too short runs for a certificate."]
+    return method_list(
+        Path(__file__).with_name("loadcase_method.txt"), results.settings,
+        *(quick if results.settings["quick"] else []),
+        extrapolation=EXTRAPOLATION, deflection=DEFLECTION_FACTOR, skip=SKIP,
+    )  # fmt: skip

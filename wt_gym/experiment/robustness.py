@@ -7,7 +7,6 @@ controller that the agent acts on top of.
 """
 
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ import numpy as np
 from wt_gym.analysis.results import Evaluation, Wind
 from wt_gym.analysis.statistics import estimate
 from wt_gym.base.errors import did_you_mean
-from wt_gym.base.files import write_text_whole
+from wt_gym.base.files import read_toml, write_text_whole
 from wt_gym.control.controllers.names import BASELINE
 from wt_gym.envs.layout import layout_of
 from wt_gym.envs.options import Variation, registered_arguments
@@ -36,7 +35,6 @@ NOMINAL = "nominal"
 RESULTS_FILE, TABLE_FILE = "robustness.json", "robustness.md"
 COST_TASK = "load-reduction-15"
 """Task of the benchmark whose terms are the gain."""
-_DEGREE = math.pi / 180.0
 FAULT_TIME = 25.0
 """At which the faults of conditions begin [s]."""
 
@@ -58,52 +56,20 @@ class Condition:
         return {} if self.name == NOMINAL else {"variation": self.variation.as_dict()}
 
 
-CONDITIONS = {
-    one.name: one
-    for one in (
-        Condition(NOMINAL, "as the environment is"),
-        Condition("class-a", "turbulence class A", Variation(turbulence_class=("A",))),
-        Condition("class-c", "turbulence class C", Variation(turbulence_class=("C",))),
-        Condition("shear-low", "shear exponent -0.1", Variation(shear_exponent=-0.1)),
-        Condition("shear-high", "shear exponent 0.3", Variation(shear_exponent=0.3)),
-        Condition("yaw-plus", "wind from +15 deg", Variation(yaw_error=15.0 * _DEGREE)),
-        Condition("yaw-minus", "wind from -15 deg", Variation(yaw_error=-15.0 * _DEGREE)),
-        Condition("density", "air density × 0.9", Variation(air_density=0.9)),
-        Condition("blades", "blade stiffness × 0.85", Variation(blade_stiffness=0.85)),
-        Condition("tower", "tower frequencies × 0.92", Variation(tower_frequency=0.92)),
-        Condition("servo", "pitch drives with a lag of 0.4 s", Variation(drive_lag=0.4)),
-        Condition("rate-limit", "half the greatest pitch rate", Variation(pitch_rate=0.5)),
-        Condition("noise", "sensor noise of level 1, offsets of 0.4 scales", Variation(
-            sensor_noise=1.0, sensor_offset=0.4)),
-        Condition("delay", "all readings 0.2 s late", Variation(sensor_delay=0.2)),
-        Condition("dead-sensor", "flapwise moment of blade 1 reads zero", Variation(
-            dead_sensor=("root_flap_moment_1",))),
-        Condition("gain-low", "response to pitch × 0.75", Variation(pitch_gain=0.75)),
-        Condition("gain-high", "response to pitch × 1.25", Variation(pitch_gain=1.25)),
-    )
-}  # fmt: skip
-"""Conditions by name."""
-FAULT_CONDITIONS = {
-    one.name: one
-    for one in (
-        Condition(f"fault-{kind.replace('_', '-')}", text, fault=kind)
-        for kind, text in (
-            ("stuck_blade", "one blade stuck"),
-            ("slow_drive", "one pitch drive at 10 to 30 % of its rate"),
-            ("misaligned_blade", "one blade misaligned by 1 to 3°"),
-            ("iced_blade", "ice on one blade"),
-            ("biased_rotor_speed", "rotor speed reads 4 to 10 % wrong"),
-            ("dead_rotor_speed", "rotor speed reads zero"),
-            ("biased_generator_speed", "generator speed reads 2 to 5 % wrong"),
-            ("biased_moment", "flapwise moment of one blade shifted by 0.2 to 0.5 of the reference"),
-            ("dead_moment", "flapwise moment of one blade reads zero"),
-            ("biased_pitch", "pitch of one blade reads 2 to 5° wrong"),
-            ("dead_pitch", "pitch of one blade reads zero"),
-            ("biased_vane", "wind vane reads 15 to 30° wrong"),
-            ("dead_vane", "wind vane reads zero"),
-        )
-    )
-}
+def _read_conditions() -> dict[str, Condition]:
+    """Conditions of the file."""
+    tables = read_toml(Path(__file__).with_suffix(".toml"))
+    return {
+        name: Condition(name, one["text"], Variation(**one.get("variation", {})), one.get("fault", ""))
+        for name, one in tables.items()
+    }
+
+
+_ALL = _read_conditions()
+"""Those without and with a fault, by name."""
+CONDITIONS = {name: one for name, one in _ALL.items() if not one.fault}
+"""Conditions without a fault."""
+FAULT_CONDITIONS = {name: one for name, one in _ALL.items() if one.fault}
 """Conditions with a fault that begins at `FAULT_TIME` and lasts, by name."""
 FAULTS = "faults"
 """Stands for all of `FAULT_CONDITIONS`."""
@@ -111,16 +77,15 @@ FAULTS = "faults"
 
 def chosen(names: Iterable[str] | None = None) -> tuple[Condition, ...]:
     """Conditions by their names, the nominal one first; by default those without faults, "faults" for all with one."""
-    known = CONDITIONS | FAULT_CONDITIONS
     given = list(CONDITIONS if names is None else names)
     given = [one for name in given for one in (FAULT_CONDITIONS if name == FAULTS else (name,))]
     for name in given:
-        if name not in known:
+        if name not in _ALL:
             raise ValueError(
-                f"a condition must be {FAULTS} or one of {', '.join(known)}, got {name!r}"
-                f"{did_you_mean(name, (FAULTS, *known))}"
+                f"a condition must be {FAULTS} or one of {', '.join(_ALL)}, got {name!r}"
+                f"{did_you_mean(name, (FAULTS, *_ALL))}"
             )
-    return tuple(known[name] for name in dict.fromkeys((NOMINAL, *given)))
+    return tuple(_ALL[name] for name in dict.fromkeys((NOMINAL, *given)))
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import wt_gym
 from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.files import require_writable, write_text_whole
+from wt_gym.base.files import read_toml, require_writable, write_text_whole
 from wt_gym.base.options import LONGEST, Options, option, option_record
 from wt_gym.control.controllers.names import BASELINE, SHORT_FOR, load_class
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
@@ -43,40 +43,9 @@ class SearchRange:
     log: bool = False
 
 
-_FADE = SearchRange(math.radians(0.5), math.radians(6.0), log=True)  # the default acts in full from 3 degrees on
 SPACES: dict[str, dict[str, SearchRange]] = {
-    "retuned": {"gain_factor": SearchRange(0.5, 1.2)},
-    "tsr_tracking": {
-        "tip_speed_ratio": SearchRange(6.0, 12.0),
-        "thrust_limit": SearchRange(0.75, 1.0),
-        "torque_frequency": SearchRange(0.05, 0.6, log=True),
-        "wind_time_constant": SearchRange(0.5, 15.0, log=True),
-    },
-    "ipc": {
-        "bandwidth": SearchRange(0.03, 1.0, log=True),
-        "lead": SearchRange(0.0, 0.5),
-        "proportional_time": SearchRange(0.0, 1.0),
-    },
-    "ipc_2p": {
-        "bandwidth": SearchRange(0.03, 1.0, log=True),
-        "lead": SearchRange(0.0, 0.5),
-        "second_harmonic": SearchRange(0.05, 2.0, log=True),
-    },
-    "constrained_ipc": {
-        "level": SearchRange(0.02, 0.3),
-        "bandwidth": SearchRange(0.03, 1.0, log=True),
-        "leak_time": SearchRange(1.0, 60.0, log=True),
-        "proportional_time": SearchRange(0.0, 1.0),
-        "fade": _FADE,
-    },
-    "lidar": {
-        "gain": SearchRange(0.2, 1.2),
-        "delay": SearchRange(0.0, 2.0),
-        "filter_length": SearchRange(0.1, 0.5, log=True),
-    },
-    "fore_aft_damper": {"damping": SearchRange(0.01, 0.3, log=True)},
-    "side_side_damper": {"damping": SearchRange(0.005, 0.1, log=True)},
-    "yaw": {"dead_band": SearchRange(0.05, 0.3), "slow": SearchRange(10.0, 120.0, log=True)},
+    controller: {name: SearchRange(**space) for name, space in spaces.items()}
+    for controller, spaces in read_toml(Path(__file__).with_suffix(".toml")).items()
 }
 """Search spaces of the names of the catalog; a combined controller has those of all its parts."""
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from wt_gym.base.compiled import compiled_for
-from wt_gym.base.quantities import GRAVITY, Array, Integers
+from wt_gym.base.quantities import GRAVITY, MOTIONS, Array, Integers
 from wt_gym.multibody.arrays import (
     FAILURES,
     Inputs,
@@ -36,8 +36,6 @@ from wt_gym.structure.flexible_body import FlexibleBody, Marker
 
 UNIT_NORM = 1e-6
 """Largest deviation of a quaternion's norm from one in a given state. Integrators keep it below 1e-15."""
-MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-"""Coordinates of a Cardan joint."""
 CONSISTENT = 1e-5
 """Largest residual of a constraint equation at the start [m, rad, m/s, rad/s]."""
 

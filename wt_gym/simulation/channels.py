@@ -22,7 +22,6 @@ the rotor alone. Snapshots hold the state of the image.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import ItemsView, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -34,7 +33,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wt_gym.base.errors import did_you_mean
-from wt_gym.base.quantities import Array
+from wt_gym.base.files import read_rows
+from wt_gym.base.quantities import MOTIONS, Array
 from wt_gym.turbines.variants import REFLECTION, REFLECTION_6
 
 
@@ -60,32 +60,16 @@ TOWER_TOP_PARITIES.flags.writeable = False
 
 
 def _read_channels() -> dict[str, list[tuple[str, str, str, int, str]]]:
-    """Channels of the file, name to description as in `Channel`, one each "turbine", "blade" or mooring "line"."""
-    channels: dict[str, list[tuple[str, str, str, int, str]]] = {"turbine": [], "blade": [], "line": []}
-    with Path(__file__).with_name("channels.csv").open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            channel = row["name"], row["unit"], row["openfast"], int(row["parity"]), row["description"]
-            channels[row["each"]].append(channel)
+    """Channels of the file, name to description as in `Channel`, by what has one each."""
+    channels: dict[str, list[tuple[str, str, str, int, str]]] = {}
+    for row in read_rows(Path(__file__).with_name("channels.csv")):
+        channel = row["name"], row["unit"], row["openfast"], int(row["parity"]), row["description"]
+        channels.setdefault(row["each"], []).append(channel)
     return channels
 
 
-_SINGLE, _PER_BLADE, _PER_LINE = _read_channels().values()
-_MOTIONS = (("surge", "x", EVEN), ("sway", "y", ODD), ("heave", "z", EVEN),
-            ("roll", "x", ODD), ("pitch", "y", EVEN), ("yaw", "z", ODD))  # fmt: skip
-MOTIONS = tuple(name for name, _, _ in _MOTIONS)
-"""Of a floater, in their order."""
-_PLATFORM = (
-    *((f"platform_{name}", "m" if k < 3 else "rad", f"Ptfm{name.title()}", parity,
-       f"{'Displacement' if k < 3 else 'Rotation'} of the platform at the still water level, {name}")
-      for k, (name, _, parity) in enumerate(_MOTIONS)),
-    *((f"platform_{name}_rate", "m/s" if k < 3 else "rad/s", f"Ptfm{'TR'[k // 3]}V{axis}i", parity,
-       f"{'Velocity' if k < 3 else 'Angular velocity'} of the platform along global {axis}")
-      for k, (name, axis, parity) in enumerate(_MOTIONS)),
-    *((f"platform_{name}_acceleration", "m/s^2" if k < 3 else "rad/s^2", f"Ptfm{'TR'[k // 3]}A{axis}i", parity,
-       f"{'Acceleration' if k < 3 else 'Angular acceleration'} of the platform along global {axis}")
-      for k, (name, axis, parity) in enumerate(_MOTIONS)),
-    ("wave_elevation", "m", "Wave1Elev", EVEN, "Undisturbed elevation of the sea at the origin"),
-)  # fmt: skip
+_SINGLE, _PER_BLADE, _PLATFORM, _PER_LINE = _read_channels().values()
+_PLATFORM_PARITIES = {name: parity for name, _, _, parity, _ in _PLATFORM}
 
 
 @cache
@@ -307,7 +291,7 @@ def state_parity(name: str) -> int:
     if base in _YAW:
         return ODD
     if (match := _FLOATER.fullmatch(base)) is not None:
-        return next(parity for name, _, parity in _MOTIONS if name == match[1])
+        return _PLATFORM_PARITIES[f"platform_{match[1]}"]
     for pattern, parities in ((r"(\w+)_\d+", _PLANES), (r"(?:tower_)?node_\d+_(\w+)", _DIRECTIONS)):
         match = re.fullmatch(pattern, base)
         if match and match[1] in parities:

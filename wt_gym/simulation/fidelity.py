@@ -23,12 +23,14 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wt_gym.aerodynamics.options import ENGINEERING, REFERENCE, TRAINING, AeroOptions
 from wt_gym.base.errors import SimulationError, did_you_mean, warn_once
+from wt_gym.base.files import read_toml
 from wt_gym.base.options import Options, option, option_record, shown
 from wt_gym.base.quantities import Array
 from wt_gym.multibody.integrators.advance_kernels import MOST_UNCORRECTED
@@ -342,74 +344,20 @@ def _integrators(having: Callable[[IntegratorEntry], bool]) -> str:
     return " or ".join(repr(name) for name, entry in INTEGRATORS.items() if having(entry))
 
 
-GEBHARDT_AIR = AeroOptions(
-    n_chord=2, n_span=16, azimuth_step_deg=6.0, wake_rows=60, full_rows=60, fresh_rows=5, refresh_stride=10,
-    far_wake_rows=50, squire=1e-3, viscous=False, ground_height=0.0, tip_wake=True,
-)  # fmt: skip
-"""Against 4 × 24 panels and 90 rows the steady torque of the turbine of Gebhardt et al. at 7.4 rpm changes by 0.05 %,
-the thrust by 0.4 % (without bodies, Joukowski's loads)."""
-
-GEBHARDT = Fidelity(
-    "gebhardt",
-    TRAINING,
-    max_substep=0.0125,
-    starter="runge-kutta",
-    tower_modes=(1, 1, 1),
-    blade_modes=(2, 1, 0),
-    blade_elements=21,
-    stiffest_shaft=0.0,
-    coupling_iterations=5,
-    formulation="constrained",
-)
-"""The 13 degrees of freedom of Gebhardt et al. 2012: three of the tower, the rotor, three of each blade; step and
-starter are such that a step changes the norm of a quaternion by less than 1e-8 before it is rescaled."""
-
-_TRAINING = Fidelity("training", TRAINING)
-_ENGINEERING = Fidelity("engineering", ENGINEERING, max_substep=0.025, coupling_iterations=3, blade_modes=(3, 2, 0))
+_PRESETS = {"TRAINING": TRAINING, "ENGINEERING": ENGINEERING, "REFERENCE": REFERENCE}
 
 
-def _with_torsion(rung: Fidelity) -> Fidelity:
-    """A rung whose blades twist, by an implicit scheme that need not resolve the frequency of the twist."""
-    flap, edge, _ = rung.blade_modes
-    return replace(rung, name=f"{rung.name}-torsion", blade_modes=(flap, edge, 1), integrator="generalized_alpha")
+def _read_fidelities() -> dict[str, Fidelity]:
+    """Fidelities of the file."""
+    found: dict[str, Fidelity] = {}
+    for name, fields in read_toml(Path(__file__).with_name("fidelities.toml")).items():
+        like, aero = fields.pop("like", None), fields.get("aero")
+        fields |= {"name": name} | ({"aero": _PRESETS[aero]} if isinstance(aero, str) else {})
+        found[name] = Fidelity(**fields) if like is None else replace(found[like], **fields)
+    return found
 
 
-FIDELITIES = {
-    "training": _TRAINING,
-    "engineering": _ENGINEERING,
-    "training-torsion": _with_torsion(_TRAINING),
-    "engineering-torsion": _with_torsion(_ENGINEERING),
-    "reference": Fidelity(
-        "reference",
-        REFERENCE,
-        max_substep=0.01,
-        stiffest_shaft=50.0,
-        coupling_iterations=5,
-        coupling_tolerance=1e-5,
-        tower_modes=(2, 2, 1),
-        blade_modes=(4, 3, 1),
-    ),
-    "gebhardt": GEBHARDT,
-    # the same with all that the paper names: wakes from trailing edges and tips, tower and nacelle as closed bodies,
-    # the ground, in a flow without viscosity; the loads are Joukowski's, see the case gebhardt-2012-full
-    "gebhardt-full": replace(
-        GEBHARDT, name="gebhardt-full", aero=GEBHARDT_AIR, tower_body=(8, 8), nacelle_body=(8, 8), moving_bodies=True
-    ),
-    # the mixed coordinates of Nada & Al-Shahrani 2019, for their small turbine: modal tower, rigid nacelle and hub,
-    # nodal blades whose frames are free, with Euler parameters; the stabilization is that of their rig's time scale
-    "mixed": Fidelity(
-        "mixed",
-        TRAINING,
-        max_substep=5e-4,
-        tower_modes=(2, 2, 1),
-        blade_modes=(1, 1, 0),
-        blade_elements=4,
-        blade_coordinates="nodal",
-        integrator="newmark",
-        formulation="constrained",
-        stabilization=200.0,
-    ),
-}
+FIDELITIES = _read_fidelities()
 
 
 def fidelity(choice: str | Fidelity) -> Fidelity:

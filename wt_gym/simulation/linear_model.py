@@ -11,11 +11,11 @@ from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 from wt_gym.base.errors import SimulationError
-from wt_gym.base.quantities import Array, Integers
+from wt_gym.base.quantities import MOTIONS, Array, Integers
 from wt_gym.hydrodynamics.loads import PlatformLoads
 from wt_gym.hydrodynamics.platform import Platform
 from wt_gym.hydrodynamics.waves import WaveComponents
-from wt_gym.simulation.channels import MOTIONS, Signals, channel_table, parities, state_parities
+from wt_gym.simulation.channels import Signals, channel_table, parities, state_parities
 from wt_gym.turbines.variants import REFLECTION_6
 
 _PARTS = ("collective", "cosine", "sine")

@@ -41,12 +41,12 @@ from wt_gym.aerodynamics import AeroState
 from wt_gym.aerodynamics.state import AeroArrays
 from wt_gym.aerodynamics.wake.wake_kernels import velocity_behind_disc
 from wt_gym.base.errors import SimulationError, did_you_mean
-from wt_gym.base.quantities import GRAVITY, Array
+from wt_gym.base.quantities import GRAVITY, MOTIONS, Array
 from wt_gym.hydrodynamics.loads import NearLoads
 from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.tree import tree_kernels
-from wt_gym.simulation.channels import MOTIONS, channel_table
+from wt_gym.simulation.channels import channel_table
 from wt_gym.simulation.contract import SimulatorState
 from wt_gym.simulation.linear_model import (
     LinearModel,

@@ -14,7 +14,7 @@ from wt_gym.turbines.blade import Blade
 from wt_gym.turbines.checks import check_number, fail
 from wt_gym.turbines.model import ControlData, Drivetrain, Hub, Nacelle, PitchSystem, Turbine
 from wt_gym.turbines.openfast_blade import STRUCTURES, read_openfast_blade, read_openfast_tower
-from wt_gym.turbines.openfast_control import Rating, read_openfast_control, read_rating
+from wt_gym.turbines.openfast_control import ASIDE, Rating, read_openfast_control, read_rating
 from wt_gym.turbines.openfast_platform import MOTIONS, floats, read_openfast_platform
 from wt_gym.turbines.openfast_text import Model, TextFile, as_number
 from wt_gym.turbines.windio_machine import yaw_actuator
@@ -273,69 +273,10 @@ _SAME_GRAVITY = 0.01
 _LONGEST = 9000.0
 """Times of events [s] and cut-off frequencies [Hz] from which on they stand for never (9999.9 in most models)."""
 
-_INITIAL = (
-    "OoPDefl", "IPDefl", "BlPitch(1)", "BlPitch(2)", "BlPitch(3)", "Azimuth", "RotSpeed", "NacYaw", "TTDspFA",
-    "TTDspSS", "PtfmSurge", "PtfmSway", "PtfmHeave", "PtfmRoll", "PtfmPitch", "PtfmYaw",
-)  # fmt: skip
-_BLADE_MODES = ("FlapDOF1", "FlapDOF2", "EdgeDOF")
-_SUPPORT = {
-    "CompSeaSt": "waves",
-    "CompHydro": "loads of the water",
-    "CompSub": "the substructure",
-    "CompMooring": "the mooring",
-    "CompIce": "ice",
-    "CompSoil": "the soil",
-}
-
-# file, what the keywords are, keywords with the value that changes nothing
-_GROUPS: tuple[tuple[str, str, Mapping[str, float | bool]], ...] = (
-    ("elastodyn", "initial conditions; runs start from a steady state", dict.fromkeys(_INITIAL, 0.0)),
-    (
-        "elastodyn",
-        "motions that the model fixes and that are free here",
-        dict.fromkeys(("TwFADOF1", "TwFADOF2", "TwSSDOF1", "TwSSDOF2", "GenDOF", "YawDOF"), True),
-    ),
-    (
-        "elastodyn",
-        "places of sensors and reference of the azimuth",
-        dict.fromkeys(("NcIMUxn", "NcIMUyn", "NcIMUzn", "ShftGagL", "AzimB1Up"), 0.0),
-    ),
-    (
-        "elastodyn",
-        "inertias of pitch bearing and blade about the pitch axis",
-        {f"{key}({i})": 0.0 for key in ("PBrIner", "BlPIner") for i in (1, 2, 3)},
-    ),
-    ("elastodyn", "friction of the yaw bearing", {"YawFrctMod": 0.0}),
-    ("elastodyn", "a gearbox that reverses the direction", {"GBRevers": False}),
-    ("elastodyn", "pitch bearings that turn on springs; drives turn the blades here", {"PitchDOF": False}),
-    ("servodyn", "neutral position of the yaw spring, which is 0 here", {"YawNeut": 0.0}),
-    ("servodyn", "neutral positions of the pitch springs", {f"PitNeut({i})": 0.0 for i in (1, 2, 3)}),
-    ("servodyn", "reference of the nacelle's yaw angle", {"NacYaw_North": 0.0}),
-    ("servodyn", "yaw control", {"YCMode": 0.0}),
-    ("servodyn", "start and stop of the generator by its speed and power", {"GenTiStr": True, "GenTiStp": True}),
-    ("servodyn", "control of the flow over the airfoils", {"AfCmode": 0.0}),
-    ("servodyn", "control of cables", {"CCmode": 0.0}),
-    ("servodyn", "structural dampers of the blades", {"NumBStC": 0.0}),
-    ("servodyn", "structural dampers of the nacelle", {"NumNStC": 0.0}),
-    ("servodyn", "structural dampers of the tower", {"NumTStC": 0.0}),
-    ("servodyn", "structural dampers of the substructure", {"NumSStC": 0.0}),
-    ("servodyn", "mass dampers of nacelle and tower", {"CompNTMD": False, "CompTTMD": False}),  # up to OpenFAST 2
-    ("aerodyn", "the tail fin", {"TFinAero": False}),
-    ("aerodyn", "the drag of the nacelle", {"NacelleDrag": False}),
-    ("aerodyn", "buoyancy", {"Buoyancy": False}),
+_GROUPS: tuple[tuple[str, str, Mapping[str, float | bool]], ...] = tuple(
+    (group["file"], group["words"], dict.fromkeys(group["names"], group["neutral"])) for group in ASIDE["keywords"]
 )
-_DELAYS = ("TPCOn", "TimGenOn")
-"""Times at which what runs here from the beginning starts."""
-_EVENTS = ("TPitManS(1)", "TPitManS(2)", "TPitManS(3)", "TimGenOf", "THSSBrDp", "TYawManS")
-_AERODYNAMICS = (
-    "Wake_Mod", "WakeMod", "BEM_Mod", "AFAeroMod", "UA_Mod", "UAMod", "DBEMT_Mod", "Skew_Mod", "SkewMod", "TwrPotent",
-    "TwrShadow", "TipLoss", "HubLoss", "TanInd", "AIDrag", "TIDrag", "SectAvg", "AoA34",
-)  # fmt: skip
-_NO_CONTROL = {
-    "PCMode": "the model holds the pitch (BlPitch); here a controller moves the blades",
-    "VSContrl": "the model's generator has no control of its speed; here a controller gives its torque",
-}
-"""Meaning of 0."""
+"""File, what its keywords are, and they with the value that changes nothing."""
 
 
 def _note_the_rest(model: Model) -> None:
@@ -344,7 +285,11 @@ def _note_the_rest(model: Model) -> None:
     is_afloat = floats(model)
     held = dict.fromkeys(MOTIONS, True) if is_afloat else {}
     modeled = ("CompSeaSt", "CompHydro", "CompMooring") if is_afloat else ()
-    left = [f"{what} ({key})" for key, what in _SUPPORT.items() if key not in modeled and primary.integer(key, 0) != 0]
+    left = [
+        f"{what} ({key})"
+        for key, what in ASIDE["support"].items()
+        if key not in modeled and primary.integer(key, 0) != 0
+    ]
     if not is_afloat and any(elastodyn.flag(key) for key in MOTIONS):
         left.append("the motion of the platform")
     if left and is_afloat:
@@ -356,7 +301,7 @@ def _note_the_rest(model: Model) -> None:
     groups = [*_GROUPS, ("elastodyn", "motions of the platform that the model fixes and that are free here", held)]
     if primary.integer("CompElast") == 1:  # BeamDyn's blade has no such modes
         modes = "modes that the model fixes and that are free here"
-        groups.append(("elastodyn", modes, dict.fromkeys(_BLADE_MODES, True)))
+        groups.append(("elastodyn", modes, dict.fromkeys(ASIDE["blade_modes"], True)))
     for name, words, neutral in groups:
         file = files[name]
         if file is not None and (active := [key for key, value in neutral.items() if _differs(file, key, value)]):
@@ -365,7 +310,7 @@ def _note_the_rest(model: Model) -> None:
     gravity = primary if "Gravity" in primary else elastodyn  # up to OpenFAST 2
     if abs(gravity.number("Gravity", _GRAVITY) - _GRAVITY) > _SAME_GRAVITY:
         model.note(f"left aside: Gravity {gravity.number('Gravity'):g} m/s^2; here it is {_GRAVITY} m/s^2")
-    models = ", ".join(f"{key} {aerodyn.text(key)}" for key in _AERODYNAMICS if key in aerodyn)
+    models = ", ".join(f"{key} {aerodyn.text(key)}" for key in ASIDE["aerodynamics"] if key in aerodyn)
     if models:
         model.note(f"left aside: AeroDyn's models; those of this package act here ({models})", aerodyn)
     if servodyn is not None:
@@ -378,14 +323,14 @@ def _differs(file: TextFile, key: str, value: float | bool) -> bool:
 
 def _note_control(model: Model, servodyn: TextFile) -> None:
     """Note control modes that are not those of a turbine here, and events of the simulation."""
-    for key, words in _NO_CONTROL.items():
+    for key, words in ASIDE["no_control"].items():
         mode = servodyn.integer(key, 5)
         if mode == 0:
             model.note(f"{key} 0: {words}", servodyn)
         elif mode in (3, 4):
             model.note(f"{key} {mode}: control by a routine of the user is left aside", servodyn)
-    events = [key for key in _EVENTS if key in servodyn and servodyn.number(key) < _LONGEST]
-    events += [key for key in _DELAYS if key in servodyn and servodyn.number(key) > 0.0]
+    events = [key for key in ASIDE["events"] if key in servodyn and servodyn.number(key) < _LONGEST]
+    events += [key for key in ASIDE["delays"] if key in servodyn and servodyn.number(key) > 0.0]
     if events:
         given = ", ".join(f"{key} {servodyn.text(key)} s" for key in events)
         model.note(f"left aside: events of the simulation ({given})", servodyn)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import read_toml
 from wt_gym.base.quantities import Array
 from wt_gym.turbines.checks import check_number
 from wt_gym.turbines.model import ControlData
@@ -127,27 +128,8 @@ _PITCH_NUMBERS = (
     "min_pitch_wind", "min_pitch", "pitch_actuator_frequency", "pitch_actuator_damping",
 )  # fmt: skip
 """Numbers of DISCON.IN that act through the torque and through the pitch."""
-_MODES = {
-    "IPC_ControlMode": "individual pitch control",
-    "Y_ControlMode": "yaw control",
-    "Fl_Mode": "feedback of the platform's motion",
-    "TD_Mode": "tower damper",
-    "TRA_Mode": "avoidance of tower resonance",
-    "Flp_Mode": "trailing-edge flaps",
-    "OL_Mode": "open-loop control",
-    "AWC_Mode": "active wake control",
-    "PRC_Mode": "power reference control",
-    "VS_FBP": "fixed-pitch operation",
-    "F_NumNotchFilts": "notch filters",
-    "CC_Mode": "cable control",
-    "StC_Mode": "structural control",
-    "SU_Mode": "start-up",
-    "SD_Mode": "shut-down",
-    "PF_Mode": "faults of the pitch",
-    "Ext_Mode": "another library",
-    "ZMQ_Mode": "commands from another program",
-}
-"""Switches of DISCON.IN whose functions `ControlData` does not hold."""
+ASIDE = read_toml(Path(__file__).with_name("openfast_aside.toml"))
+"""Keywords that no turbine here holds, see the file."""
 
 
 def read_openfast_control(model: Model, rating: Rating, radius: float, density: float) -> ControlData | None:
@@ -214,7 +196,9 @@ def _from_discon(model: Model, file: TextFile, rating: Rating, radius: float, de
     if "PC_Switch" in file and "PC_FinePit" in file:
         values["region_3_min_pitch"] = file.number("PC_FinePit") + file.number("PC_Switch")
     values |= _pitch_actuator(file)
-    active = [f"{what} ({key})" for key, what in _MODES.items() if key in file and file.number(key) != 0.0]
+    active = [
+        f"{what} ({key})" for key, what in ASIDE["discon_modes"].items() if key in file and file.number(key) != 0.0
+    ]
     if active:
         model.note(f"left aside: {', '.join(active)}", file)
     if file.integer("PC_ControlMode", 1) == 0:

@@ -16,11 +16,13 @@ import io
 import logging
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import read_rows
 from wt_gym.turbines.checks import fail
 
 _log = logging.getLogger(__name__)
@@ -201,32 +203,7 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-_PARTS = {
-    ("control.pitch", "control"): {
-        "min_pitch": "min_pitch_limit", "max_pitch": "max_pitch_limit", "max_pitch_rate": "max_pitch_rate",
-    },
-    ("control.torque", "control"): {
-        "max_torque_rate": "max_torque_rate", "tsr": "optimal_tsr", "VS_minspd": "min_rotor_speed",
-    },
-    ("control.supervisory", "control"): {"rated_power": "rated_power"},
-    ("control.supervisory", "assembly"): {"Vin": "cut_in_wind_speed", "Vout": "cut_out_wind_speed"},
-    ("components.hub.elastic_properties_mb", "components.hub.elastic_properties"): {
-        "system_mass": "mass", "system_inertia": "inertia", "system_center_mass": "location",
-    },
-    ("components.drivetrain.elastic_properties_mb", "components.drivetrain.elastic_properties"): {
-        "system_mass": "mass", "system_inertia": "inertia", "system_inertia_tt": "inertia_tt",
-        "system_center_mass": "location", "spring_constant": "spring_constant",
-        "damping_coefficient": "damping_coefficient",
-    },
-    ("components.drivetrain.elastic_properties_mb", "components.yaw.elastic_properties"): {"yaw_mass": "mass"},
-    ("components.drivetrain.generator", "components.drivetrain.generator"): {
-        "generator_rpm_efficiency_user": "rpm_efficiency",
-    },
-    ("components.drivetrain.generator.elastic_properties_mb", "components.drivetrain.generator.elastic_properties"): {
-        "system_mass": "mass", "rotor_inertia": "inertia",
-    },
-}  # fmt: skip
-_MOVED = {f"{old}.{a}": f"{new}.{b}" for (old, new), keys in _PARTS.items() for a, b in keys.items()}
+_MOVED = {row["foreign"]: row["windio"] for row in read_rows(Path(__file__).with_suffix(".csv"))}
 """Place in the foreign layout and in windIO 2.1, with the same meaning and unit."""
 
 _TIP_SPEEDS = ("control.supervisory.maxTS", "control.max_allowable_blade_tip_speed")

@@ -12,9 +12,9 @@ import numpy as np
 
 from wt_gym.base.errors import InflowError, did_you_mean
 from wt_gym.base.quantities import Array
-from wt_gym.wind.inflow import POSITIVE, PointInflow, check_flag, check_numbers, require_number
+from wt_gym.wind.inflow import POSITIVE, check_flag, check_numbers, require_number
 from wt_gym.wind.inflow_kernels import transient_velocity
-from wt_gym.wind.steady import SteadyInflow
+from wt_gym.wind.steady import OnSteadyWind, SteadyInflow
 
 REFERENCE_SPEED = {"I": 50.0, "II": 42.5, "III": 37.5}
 REFERENCE_INTENSITY = {"A+": 0.18, "A": 0.16, "B": 0.14, "C": 0.12}
@@ -170,7 +170,7 @@ _KINDS = ("EOG", "EDC", "ECD", "EWS-vertical", "EWS-horizontal")
 
 
 @dataclass(frozen=True)
-class TransientInflow(PointInflow):
+class TransientInflow(OnSteadyWind):
     """A steady wind with one transient of IEC 61400-1 on it.
 
     Build one with :meth:`eog`, :meth:`edc`, :meth:`ecd` or :meth:`ews`, which take the amplitudes from the
@@ -205,8 +205,7 @@ class TransientInflow(PointInflow):
     travels: bool = True
 
     def __post_init__(self) -> None:
-        if not isinstance(self.steady, SteadyInflow):
-            raise InflowError(f"steady must be a SteadyInflow; got {type(self.steady).__name__}")
+        self._check_steady()
         if self.kind not in _KINDS:
             raise InflowError(f"kind must be one of {', '.join(map(repr, _KINDS))}; got {self.kind!r}")
         check_numbers(
@@ -269,16 +268,6 @@ class TransientInflow(PointInflow):
         steady = _normal_profile(speed, hub_height)
         amplitude = _sign(sign) * wind_shear_amplitude(speed, hub_height, rotor_diameter, turbulence_class)
         return cls(steady, f"EWS-{axis}", amplitude, 0.0, rotor_diameter, start_time)
-
-    @property
-    def mean_speed(self) -> float:
-        """Wind speed at hub height before the transient [m/s]."""
-        return self.steady.speed
-
-    @property
-    def hub_height(self) -> float:
-        """Hub height [m]."""
-        return self.steady.hub_height
 
     @property
     def description(self) -> str:

@@ -133,3 +133,23 @@ class SteadyInflow(PointInflow):
 
     def _fill(self, rows: Array, time: float, out: Array) -> int:
         return int(mean_velocity(rows, self.kernel_profile, self.yaw_misalignment, self.inclination, out))
+
+
+class OnSteadyWind(PointInflow):
+    """Base of winds that change about a steady one."""
+
+    steady: SteadyInflow
+
+    def _check_steady(self) -> None:
+        if not isinstance(self.steady, SteadyInflow):
+            raise InflowError(f"steady must be a SteadyInflow; got {type(self.steady).__name__}")
+
+    @property
+    def mean_speed(self) -> float:
+        """Speed of the steady wind at hub height [m/s]."""
+        return self.steady.speed
+
+    @property
+    def hub_height(self) -> float:
+        """Hub height [m]."""
+        return self.steady.hub_height

@@ -37,7 +37,7 @@ from wt_gym.base.quantities import Array
 from wt_gym.wind.iec import length_scale
 from wt_gym.wind.inflow import PointInflow, check_numbers, fill_in, set_read_only
 from wt_gym.wind.inflow_kernels import add_tower_points, mean_velocity, turbulent_velocity
-from wt_gym.wind.steady import SteadyInflow
+from wt_gym.wind.steady import OnSteadyWind, SteadyInflow
 from wt_gym.wind.turbulence_box import TurbulenceBox
 
 
@@ -173,7 +173,7 @@ BEYOND_GRID = ("refuse", "hold")
 
 
 @dataclass(frozen=True)
-class TurbulentInflow(CarriedInflow):
+class TurbulentInflow(OnSteadyWind, CarriedInflow):
     """Frozen turbulence on a mean profile (Taylor's hypothesis).
 
     In the frame of the mean wind, u(x, y, z, t) = mean(z) + box(y, z, t + time_offset − x/U), U the hub speed. Between
@@ -222,8 +222,7 @@ class TurbulentInflow(CarriedInflow):
         if not isinstance(self.box, TurbulenceBox):
             raise InflowError(f"box must be a TurbulenceBox; got {type(self.box).__name__}")
         fill_in(self, steady=SteadyInflow(self.box.mean_speed, self.box.hub_height))
-        if not isinstance(self.steady, SteadyInflow):
-            raise InflowError(f"steady must be a SteadyInflow; got {type(self.steady).__name__}")
+        self._check_steady()
         self.box.require_fitting(self.steady)
         check_numbers(self, time_offset=("s",))
         if self.beyond_grid not in BEYOND_GRID:
@@ -236,16 +235,6 @@ class TurbulentInflow(CarriedInflow):
         """The mean wind as the kernels take it."""
         steady = self.steady
         return steady.kernel_profile, steady.yaw_misalignment, steady.inclination
-
-    @property
-    def mean_speed(self) -> float:
-        """Mean wind speed at hub height [m/s]."""
-        return self.steady.speed
-
-    @property
-    def hub_height(self) -> float:
-        """Hub height [m]."""
-        return self.steady.hub_height
 
     @property
     def description(self) -> str:

@@ -13,6 +13,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from envs_tests.physics.validation import DATA, CaseResult, Check, Curve, Figure, absolute, case, worst
 from wt_gym.analysis.metrics import damage_equivalent_load
+from wt_gym.base.quantities import MOTIONS
 from wt_gym.control import Demand
 from wt_gym.control.controllers import make_controller
 from wt_gym.hydrodynamics.waves import WaveComponents
@@ -24,8 +25,10 @@ from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 OPENFAST = "OpenFAST 5.0 (ElastoDyn, AeroDyn, HydroDyn, MAP++)"
 OC4, VOLTURN = "oc4_nrel_5mw", "volturnus_iea_15mw"
 SHORT = {OC4: "OC4", VOLTURN: "VolturnUS-S"}
-MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 UNITS = np.array([1.0, 1.0, 1.0, *[np.pi / 180.0] * 3])
+COLUMNS = {"surge": (1, "m"), "heave": (2, "m"), "pitch": (3, "deg"), "rotor speed": (4, "rpm"), "power": (5, "kW"),
+           "thrust": (6, "kN"), "tower base": (7, "kN m"), "blade root": (8, "kN m")}  # fmt: skip
+"""Of the quantities in the signals of `controlled`, with their units."""
 SETTLED = 200.0
 """Time from which turbulence is judged [s]."""
 
@@ -55,19 +58,25 @@ def displaced(**motions):
     return out
 
 
+def platform(signals):
+    """Displacements (6,) of the platform [m, rad]."""
+    return np.array([signals[f"platform_{motion}"] for motion in MOTIONS])
+
+
+def released(sim, duration, slow=None, sea=None):
+    """Signals of a parked turbine at each step from its start on, with a slow motion (12,) of its platform if given."""
+    sim.sea = sea
+    signals = [sim.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0, platform=slow)]
+    steps = round(duration / sim.time_step)
+    return signals + [sim.advance(sim.time_step, pitch=0.5 * np.pi) for _ in range(steps)]
+
+
 def parked(name, duration, slow=None, sea=None):
     """Times, motions (n, 6) [m, deg] and tower-base moments [kN m] of a parked turbine."""
     sim = simulator(name, with_air=False)
-    sim.sea = sea
-    signals = sim.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0, platform=slow)
-    names = [f"platform_{motion}" for motion in MOTIONS]
-    rows = []
-    for k in range(round(duration / sim.time_step) + 1):
-        if k:
-            signals = sim.advance(sim.time_step, pitch=0.5 * np.pi)
-        rows.append([*(signals[n] for n in names), signals["tower_base_fore_aft_moment"]])
-    values = np.array(rows)
-    return sim.time_step * np.arange(len(values)), values[:, :6] / UNITS, values[:, 6] / 1e3
+    signals = released(sim, duration, slow, sea)
+    moments = np.array([at["tower_base_fore_aft_moment"] for at in signals])
+    return sim.time_step * np.arange(len(signals)), np.array([platform(at) for at in signals]) / UNITS, moments / 1e3
 
 
 def peaks(time, values):
@@ -146,7 +155,7 @@ def controlled(name, inflow, choice, duration, start, sea=None):
     waves = np.zeros(12)
     if sea is not None:  # the simulator adds the answer to the waves of the start
         signals = sim.reset(**point, platform=waves)
-        waves[:6] = [signals[f"platform_{motion}"] for motion in MOTIONS]
+        waves[:6] = platform(signals)
     sim.reset(**point, platform=displaced(surge=start["surge"], pitch=start["pitch"]) - waves)
     signals, controller = sim.signals, make_controller(choice, sim.turbine)
     controller.start(signals, Demand(np.full(3, point["pitch"]), 0.0, signals["generator_torque"]))
@@ -161,21 +170,6 @@ def controlled(name, inflow, choice, duration, start, sea=None):
             signals["tower_base_fore_aft_moment"] / 1e3, signals["root_flap_moment_1"] / 1e3,
         ))  # fmt: skip
     return np.array(rows)
-
-
-CONTROL = (
-    # start: surge, pitch, blade pitch, rotor speed; last: surge, pitch, speed, power, thrust; damping, final half range
-    (OC4, 12.0, "discon", 300.0, (8.0, 5.0, 3.8, 12.1), (7.501, 2.908, 12.101, 5000.5, 607.0), 0.0789, None),
-    (OC4, 18.0, "discon", 300.0, (4.5, 4.0, 14.9, 12.1), (4.474, 1.616, 12.102, 5000.7, 340.6), 0.0466, None),
-    (OC4, 12.0, "discon:land_gains=True", 500.0, (8.0, 5.0, 3.8, 12.1), (7.169, 2.817, 12.045, 4706.6, 586.8), None,
-     4.49),
-    (OC4, 18.0, "discon:land_gains=True", 300.0, (4.5, 4.0, 14.9, 12.1), (4.482, 1.655, 12.113, 4999.9, 341.6),
-     -0.0027, None),
-    (VOLTURN, 18.0, "rosco:floating=0", 250.0, (9.0, 4.0, 15.2, 7.56), (11.798, 1.469, 7.573, 15025.7, 1028.7), 0.0209,
-     None),
-    (VOLTURN, 18.0, "rosco:floating=2", 250.0, (9.0, 4.0, 15.2, 7.56), (11.788, 1.451, 7.561, 15001.1, 1027.0), None,
-     0.098),
-)  # fmt: skip
 
 
 def half_cycles(time, pitch):
@@ -198,21 +192,22 @@ def growth(time, pitch):
 
 
 @case("floating-control", "Floating turbines under control in steady wind and still water", OPENFAST, slow=True)
-def floating_control(cases=CONTROL) -> CaseResult:
+def floating_control() -> CaseResult:
     """Steady states, damping with detuned gains and floating feedback, and negative damping with gains of the land.
 
     Means are those of the last 110 s; where a swing lasts, of three cycles of 33 s.
     """
     checks, figures = [], {}
-    for name, wind, choice, duration, start, means, ratio, swing in cases:
-        begin = dict(zip(("surge", "pitch", "blade_pitch", "rotor_speed"), start, strict=True))
-        rows = controlled(name, SteadyInflow(wind, load_turbine(name).hub_height), choice, duration, begin)
+    for run in reference()["control"]:
+        name, wind, choice, duration = (run[key] for key in ("turbine", "wind", "controller", "duration"))
+        ratio, swing = run["damping"], run["half_range"]
+        rows = controlled(name, SteadyInflow(wind, load_turbine(name).hub_height), choice, duration, run["start"])
         time, pitch = rows[:, 0], rows[:, 3]
         last = rows[time > duration - (100.0 if choice == "rosco:floating=0" else 110.0)]
         title = f"{SHORT[name]}, {wind:g} m/s, {choice}"
-        quantities = zip(("surge", "pitch", "rotor speed", "power", "thrust"), (1, 3, 4, 5, 6), means,
-                         ("m", "deg", "rpm", "kW", "kN"), strict=True)  # fmt: skip
-        checks += [Check(f"{title}: {q}", mean, last[:, k].mean(), 0.04, unit) for q, k, mean, unit in quantities]
+        for quantity, mean in run["last"].items():
+            column, unit = COLUMNS[quantity]
+            checks.append(Check(f"{title}: {quantity}", mean, last[:, column].mean(), 0.04, unit))
         if ratio is not None:
             checks.append(Check(f"{title}: damping ratio of pitch", ratio, growth(time, pitch)[1], absolute(0.015)))
         if swing is not None:
@@ -233,8 +228,6 @@ def in_bands(values, dt):
 def floating_turbulence(cases=(0, 1, 2, 3)) -> CaseResult:
     """The same turbulence, wave components and controllers in both: means, standard deviations by band, DELs."""
     checks = []
-    quantities = {"surge": (1, "m"), "heave": (2, "m"), "pitch": (3, "deg"), "rotor speed": (4, "rpm"),
-                  "power": (5, "kW"), "tower base": (7, "kN m"), "blade root": (8, "kN m")}  # fmt: skip
     bands = ("below 0.05 Hz", "0.05 to 0.2 Hz", "above 0.2 Hz")
     for k in cases:
         run = reference()["turbulence"][k]
@@ -248,8 +241,9 @@ def floating_turbulence(cases=(0, 1, 2, 3)) -> CaseResult:
         rows = controlled(run["turbine"], inflow, run["controller"], run["duration"], run["start"], sea)
         dt, rows = rows[1, 0] - rows[0, 0], rows[rows[:, 0] >= SETTLED]
         title = f"{SHORT[run['turbine']]}, {wind:g} m/s, {run['controller']}"
-        for quantity, (column, unit) in quantities.items():
-            known, values = run["statistics"][quantity], rows[:, column]
+        for quantity, known in run["statistics"].items():
+            column, unit = COLUMNS[quantity]
+            values = rows[:, column]
             if quantity not in ("heave", "blade root"):
                 checks.append(Check(f"{title}: mean {quantity}", known["mean"], values.mean(), 0.05, unit))
             checks += [

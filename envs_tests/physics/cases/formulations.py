@@ -9,8 +9,9 @@ import gymnasium as gym
 import numpy as np
 from scipy.linalg import eigh
 
-from envs_tests.physics.validation import CaseResult, Check, Curve, Figure, case
+from envs_tests.physics.validation import DATA, CaseResult, Check, Curve, Figure, case
 from wt_gym.analysis.metrics import run_metrics
+from wt_gym.base.files import read_toml
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.multibody.constraints.descriptor import descriptor_form
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
@@ -282,11 +283,6 @@ STEADY, SETTLED = 60.0, 30.0
 """Time in steady wind, and the end of it over which the deflection is averaged [s]."""
 LOWEST = 8
 """Lowest parked frequencies that are compared: two of the tower, the drivetrain's, three flapwise, two edgewise."""
-TRAINING = FIDELITIES["training"]
-IMPLICIT = {"integrator": "generalized_alpha"}
-LINEAR: dict[str, Any] = {"formulation": "observer", "frame_displacement": "linear"}
-"""Observer frames as published."""
-TORSION: dict[str, Any] = {"blade_modes": (2, 1, 1)}
 _IDS = {env_id.rpartition("-v")[0]: env_id for record in RECORDS.values() for env_id, _ in record.ids}
 """Ids by their names without version."""
 WINDS = {"NREL5MW": 10.0, "IEA15MW": 10.0, "Gebhardt45m": 10.0, "NadaSmall": 8.0}
@@ -318,45 +314,13 @@ class Combination:
         return SMALL if self.turbine == "NadaSmall" else LARGE
 
 
-def _of(turbine, name, like=True, **changes):
-    return Combination(turbine, name, replace(TRAINING, **changes), like)
+def _combination(turbine, name, like, changes):
+    """A row of the file."""
+    ending, base = changes.pop("ending", None), changes.pop("fidelity", "training")
+    return Combination(turbine, name, replace(FIDELITIES[base], **changes), like, ending)
 
 
-COMBINATIONS = (
-    _of("NREL5MW", "embedded, Hamming, modal"),
-    _of("NREL5MW", "embedded, Newmark, modal", integrator="newmark"),
-    _of("NREL5MW", "embedded, generalized-α, modal", **IMPLICIT),
-    _of("NREL5MW", "embedded, generalized-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
-    _of("NREL5MW", "embedded, generalized-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
-        blade_coordinates="nodal", **IMPLICIT, **TORSION),
-    _of("NREL5MW", "embedded, generalized-α, nodal tower", tower_coordinates="nodal", tower_elements=6, **IMPLICIT),
-    _of("NREL5MW", "constrained, Hamming, modal", formulation="constrained"),
-    _of("NREL5MW", "constrained, generalized-α, modal", formulation="constrained", **IMPLICIT),
-    _of("NREL5MW", "constrained, generalized-α, 4 modal bodies", False, formulation="constrained", blade_bodies=4,
-        **IMPLICIT),
-    _of("NREL5MW", "observer, clamped", False, **LINEAR),
-    _of("NREL5MW", "observer, clamped, generalized-α", False, **LINEAR, **IMPLICIT),
-    _of("NREL5MW", "observer, simply supported", False, **LINEAR, reference_condition="simply_supported"),
-    _of("NREL5MW", "observer, supported at 3/4", False, **LINEAR, reference_condition="three_quarter"),
-    _of("IEA15MW", "embedded, Hamming, modal"),
-    _of("IEA15MW", "embedded, generalized-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT, **TORSION),
-    _of("IEA15MW", "embedded, generalized-α, 8 modal bodies, torsion", False, blade_bodies=8, **IMPLICIT, **TORSION),
-    _of("IEA15MW", "embedded, generalized-α, 12 nodal bodies, torsion", False, blade_bodies=12, blade_elements=12,
-        blade_coordinates="nodal", **IMPLICIT, **TORSION),
-    _of("IEA15MW", "constrained, Hamming, modal", formulation="constrained"),
-    _of("IEA15MW", "embedded, generalized-α, 4 modal bodies", False, blade_bodies=4, **IMPLICIT),
-    _of("IEA15MW", "observer, clamped", False, **LINEAR),
-    _of("Gebhardt45m", "embedded, Hamming, modal"),
-    _of("Gebhardt45m", "embedded, generalized-α, 4 modal bodies, torsion", False, blade_bodies=4, **IMPLICIT,
-        **TORSION),
-    Combination("Gebhardt45m", "fidelity gebhardt (constrained)", FIDELITIES["gebhardt"], False),
-    Combination("Gebhardt45m", "fidelity gebhardt-full (constrained)", FIDELITIES["gebhardt-full"], False),
-    _of("Gebhardt45m", "observer, clamped", False, **LINEAR),
-    _of("NadaSmall", "embedded, Hamming, modal"),
-    Combination("NadaSmall", "fidelity mixed (constrained, Newmark, nodal)", FIDELITIES["mixed"], False),
-    # its blades are held against the wind by their rotation, which a body in one linear observer frame does not feel
-    Combination("NadaSmall", "observer, clamped", replace(TRAINING, **LINEAR), False, "tower_strike"),
-)  # fmt: skip
+COMBINATIONS = tuple(_combination(*row) for row in read_toml(DATA / "formulations.toml")["combinations"])
 
 _TWISTING = "embedded, generalized-α, {} bodies, torsion"
 NODAL_AND_MODAL = (

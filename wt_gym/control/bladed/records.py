@@ -18,7 +18,6 @@ A lidar has the records from 2001 on (OpenFAST's ``BladedInterface_EX.f90``): it
 beams times gates points all speeds, all x, all y and all z of the points.
 """
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,6 +25,8 @@ from pathlib import Path
 
 import numpy as np
 
+from wt_gym.base.files import read_rows
+from wt_gym.base.quantities import MOTIONS
 from wt_gym.control.actions import Demand
 from wt_gym.control.controllers.controller import Readings, demanded_power_of
 from wt_gym.control.sensors import Lidar
@@ -58,9 +59,8 @@ class Record:
 
 def _read_records() -> tuple[Record, ...]:
     """Records of the file."""
-    with Path(__file__).with_name("records.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.reader(file))[1:]
-    return tuple(Record(tuple(map(int, numbers.split())), *words) for numbers, *words in rows)
+    rows = read_rows(Path(__file__).with_name("records.csv"))
+    return tuple(Record(tuple(map(int, row.pop("numbers").split())), **row) for row in rows)
 
 
 RECORDS = _read_records()
@@ -77,11 +77,7 @@ _SINGLE = (
 _ACCELERATIONS = ("nacelle_acceleration_fore_aft", "nacelle_acceleration_side_side")
 
 
-PLATFORM_CHANNELS = tuple(
-    f"platform_{motion}{of}"
-    for of in ("", "_rate", "_acceleration")
-    for motion in ("surge", "sway", "heave", "roll", "pitch", "yaw")
-)
+PLATFORM_CHANNELS = tuple(f"platform_{motion}{of}" for of in ("", "_rate", "_acceleration") for motion in MOTIONS)
 """Channels of the records from 1001 on."""
 
 

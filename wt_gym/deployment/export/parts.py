@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wt_gym.base.files import read_rows
 from wt_gym.control import Lidar, NacelleAnemometer
 from wt_gym.control.bladed.records import check_points
 from wt_gym.control.controllers import (
@@ -98,11 +98,9 @@ def _read_parameters(path: Path) -> tuple[Entry, ...]:
     def limit(text: str, otherwise: float) -> float:
         return float(_BOUNDS.get(text, text)) if text else otherwise
 
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.reader(file))[1:]
     return tuple(
         Entry(name, unit, meaning, group, limit(low, -math.inf), limit(high, math.inf))
-        for name, unit, meaning, group, low, high in rows
+        for name, unit, meaning, group, low, high in (row.values() for row in read_rows(path))
     )
 
 
@@ -428,47 +426,16 @@ _ADDITIONS: dict[type[Any], tuple[str, Callable[[Parts, Any, float], None]]] = {
 _PARTS = {"mean": 0, "tilt": 1, "yaw": 2}
 _LINEAR = _PARTS | {"share": 3, "schedule": 4}
 _MOTION = [f"{what}_{axis}" for what in ("velocity", "displacement") for axis in ("fore_aft", "side_side")]
-_PLAIN = {
-    "rotor_speed": ("ROTOR_SPEED", {"rotor_speed"}),
-    "generator_speed": ("GENERATOR_SPEED", {"generator_speed"}),
-    "generator_power": ("GENERATOR_POWER", {"power"}),
-    "generator_torque": ("GENERATOR_TORQUE", {"generator_torque"}),
-    "nacelle_acceleration_fore_aft": ("ACCELERATION_FORE_AFT", set(ACCELERATION)),
-    "nacelle_acceleration_side_side": ("ACCELERATION_SIDE_SIDE", set(ACCELERATION)),
-    "pitch": ("MEAN_PITCH", {"pitch"}),
-    "pitch_rate": ("MEAN_PITCH_RATE", {"pitch"}),
-    "pitch_demand": ("MEAN_PITCH_DEMAND", set()),
-    "generator_torque_demand": ("TORQUE_DEMAND", set()),
-    "wind_speed": ("WIND_SPEED", {"wind"}),
-    "yaw_error": ("YAW_ERROR", {"yaw_error"}),
-    "rotor_wind": ("ROTOR_WIND", {"rotor_speed", "generator_torque", "pitch"}),
-    "azimuth_sin": ("AZIMUTH_SIN", {"azimuth"}),
-    "azimuth_cos": ("AZIMUTH_COS", {"azimuth"}),
-    "controller_pitch": ("CONTROLLER_PITCH", set()),
-    "controller_torque": ("CONTROLLER_TORQUE", set()),
-    "residual_share": ("SHARE", {"rotor_speed"}),
-    "residual_mean": ("MEAN_OFFSET", set()),
-    "dead_band_error": ("DEAD_BAND_ERROR", set()),
-    "dead_band_turning": ("DEAD_BAND_TURNING", set()),
-    "mean_wind": ("SUPERVISOR_WIND", {"wind"}),
-    "set_point": ("SUPERVISOR_SET_POINT", set()),
-    "load_share": ("SUPERVISOR_LOAD", set()),
-    "set_point_offset": ("SET_POINT_OFFSET", set()),
-    "demanded_power": ("DEMANDED_POWER", {"demanded_power"}),
-    "power_error": ("POWER_ERROR", {"demanded_power", "power"}),
-    "rotor_energy": ("ROTOR_ENERGY", {"rotor_speed"}),
-    "power_headroom": ("POWER_HEADROOM", {"demanded_power", "rotor_speed", "generator_torque", "pitch"}),
-}
-"""Channels without a number: how the C source calls them, and the readings that they need."""
+
+
+def _read_channels(each: str) -> dict[str, tuple[str, set[str]]]:
+    """Channels of the table that the turbine or each blade has: how the C source calls them, and what they need."""
+    rows = [row for row in read_rows(Path(__file__).with_name("channels.csv")) if row["each"] == each]
+    return {row["name"]: (row["kind"], set(row["reads"].split())) for row in rows}
+
+
+_PLAIN, _BY_BLADE = _read_channels("turbine"), _read_channels("blade")
 _MOMENTS = {"pitch", "out_of_plane", "in_plane"}
-_BY_BLADE = {
-    "pitch": ("PITCH", {"pitch"}),
-    "pitch_rate": ("PITCH_RATE", {"pitch"}),
-    "pitch_demand": ("PITCH_DEMAND", set()),
-    "root_flap_moment": ("FLAP_MOMENT", _MOMENTS),
-    "root_edge_moment": ("EDGE_MOMENT", _MOMENTS),
-    "root_out_of_plane_moment": ("OUT_OF_PLANE_MOMENT", _MOMENTS),
-}
 _FIXED_FRAME = {
     "root_flap_moment": "FLAP_FIXED_FRAME",
     "root_edge_moment": "EDGE_FIXED_FRAME",
