@@ -460,6 +460,7 @@ class LinearOptions(ObserverOptions):
 
 SHIPPED = (
     "gebhardt_45m", "iea_15mw", "iea_15mw_monopile", "iea_22mw", "nrel_5mw", "nrel_5mw_monopile", "oc4_nrel_5mw",
+    "volturnus_iea_15mw",
 )  # fmt: skip
 """Turbines with a design in ``data``."""
 
