@@ -68,6 +68,9 @@ def test_seas_that_are_none_are_refused(turbine):
     for sea in ({"significant_height": 30.0, "peak_period": 3.0}, {"low_cutoff": 0.7, "peak_period": 10.0}):
         with pytest.raises(InflowError, match="peak_period must lie between the cut-offs"):
             SeaTerm(turbine, sea, False)
+    for sea in ({"significant_height": 0.0}, {"peak_period": 12.0}):  # neither may pass for the sea of the wind
+        with pytest.raises(ValueError, match="'significant_height' above 0 m"):
+            SeaTerm(turbine, sea, False)
     for value in (None, True, "wide", math.nan, 30.0):
         with pytest.raises(ValueError, match="'misalignment' must be between 0 and pi rad"):
             SeaTerm(turbine, {"misalignment": value}, False)

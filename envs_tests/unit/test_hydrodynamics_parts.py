@@ -307,7 +307,8 @@ class TestWaves:
             np.savetxt(path, np.column_stack([t, z]), delimiter=",", header=names, comments="")
             sea = SeaState("file", file=path, duration=200.0).components(np.random.default_rng(0), 200.0)
             np.testing.assert_allclose(sea.elevation(t), z - 5.0 * np.cos(w * t), atol=1e-6)
-        for option, message in (({"duration": 300.0}, "of 300 s, got 200"), ({"high_cutoff": 0.5}, "5 s and 75%")):
+        for option, message in (({"duration": 300.0}, "of 300 s, got 200"), ({"high_cutoff": 0.5}, "5 s and 75%"),
+                                ({"high_cutoff": 2.0 * np.pi}, "5 s and 100%")):  # fmt: skip
             with pytest.raises(InflowError, match=message):
                 SeaState("file", file=path, **{"duration": 200.0} | option).components(None, 200.0)
         path.write_text("2.5,nan\n" + path.read_text())

@@ -168,6 +168,7 @@ def test_other_lines_are_refused(tmp_path, pattern, text, message):
     [
         ([keyword("hydrodyn.dat", "NBody", 2)], "NBody must be 1: one body in potential flow, got 2"),
         ([keyword("hydrodyn.dat", "PotMod", 0)], "PotMod must be 1"),
+        ([keyword("hydrodyn.dat", "PtfmRefY", 30)], "PtfmRefY must be 0"),
         ([keyword("hydrodyn.dat", "NMGDepths", 3)], "NMGDepths must be 0"),
         ([("hydrodyn.dat", r"(?m)3 1 True$", "2 1 True")], "MCoefMod of member 1 must be 1 or 3"),
         ([("hydrodyn.dat", r"(?m)3 1 True$", "3 1 False")], "PropPot of member 1 must be True"),
@@ -189,10 +190,12 @@ def test_what_is_not_modeled_is_refused(files, tmp_path, changes, message):
 
 def test_second_order_is_left_aside_with_a_note(files, oc4, tmp_path):
     changes = [keyword("hydrodyn.dat", key, value) for key, value in (("DiffQTF", 12), ("ExctnMod", 0))]
+    changes.append(keyword("elastodyn.dat", "PtfmYDOF", "False"))
     assert written(files, tmp_path, *changes).mass == pytest.approx(oc4.floater.mass)
     read_openfast_platform(model := Model(tmp_path / "turbine.fst"))
     assert "hydrodyn.dat: left aside: DiffQTF 12; wave forces are of first order" in model.notes
-    assert any("hydrodyn.dat: left aside: ExctnMod 0" in note for note in model.notes)
+    for note in ("hydrodyn.dat: left aside: ExctnMod 0", "elastodyn.dat: left aside: PtfmYDOF False"):
+        assert any(note in one for one in model.notes)
 
 
 def test_fixed_platforms_stand_on_the_ground(files, tmp_path):

@@ -64,7 +64,11 @@ class SeaChoice:
         if not (isinstance(spread, (int, float, np.number)) and spread is not True and 0.0 <= spread <= math.pi):
             raise ValueError(f"sea {MISALIGNMENT!r} must be between 0 and pi rad, got {spread!r}")
         fields.setdefault("kind", "jonswap")
-        return cls(SeaState(**fields), float(spread))
+        state, own = SeaState(**fields), {"significant_height", "peak_period"} & fields.keys()
+        if own and not state.significant_height and state.kind not in (STILL, "file"):
+            raise ValueError(f"sea must have a 'significant_height' above 0 m with a height or period of its own, "
+                             f"neither for that of the wind, or be {STILL!r}; got {shown(value)}")  # fmt: skip
+        return cls(state, float(spread))
 
 
 def sea_of_wind(speed: float) -> SeaState:

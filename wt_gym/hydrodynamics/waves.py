@@ -286,7 +286,7 @@ class SeaState(WaveRecord):
         inside = (frequency >= self.low_cutoff) & (frequency <= self.high_cutoff)
         power = np.abs(transform[frequency >= self.low_cutoff]) ** 2
         share = np.sum(np.abs(transform[inside]) ** 2) / max(power.sum(), 1e-300)
-        if math.pi / step < self.high_cutoff or share < 0.9:
+        if math.pi / step <= self.high_cutoff or share < 0.9:
             raise InflowError(
                 f"SeaState.file must resolve waves up to high_cutoff, {self.high_cutoff:g} rad/s, and hold nine tenths "
                 f"of their variance below it; {self.file} has steps of {step:g} s and {share:.0%}"

@@ -33,6 +33,7 @@ _REQUIRED: tuple[tuple[str, tuple[int, ...], str], ...] = (
     ("NBody", (1,), "1: one body in potential flow"),
     ("NAddDOF", (0,), "0: a rigid body"),
     *((f"PtfmRef{axis}", (0,), "0: tables about the origin") for axis in ("xt", "yt", "zt", "ztRot")),
+    ("PtfmRefY", (0,), "0: tables about the heading 0"),
     ("NMGDepths", (0,), "0: marine growth is not modeled"),
 )  # fmt: skip
 _LEFT_ASIDE = dict.fromkeys(
@@ -83,6 +84,8 @@ def read_openfast_platform(model: Model) -> Platform | None:
     density, depth = _water(model, file, "WtrDens"), _water(model, file, "WtrDpth")
     if (level := _water(model, file, "MSL2SWL", 0.0)) != 0.0:
         raise primary.fail("MSL2SWL", level, "0: still water at mean sea level")
+    model.notes += [f"{elastodyn.path.name}: left aside: {key} False; the platform moves freely here"
+                    for key in MOTIONS if not elastodyn.flag(key)]  # fmt: skip
     gravity = (primary if "Gravity" in primary else elastodyn).number("Gravity", GRAVITY)
     for key in ("PtfmRefxt", "PtfmRefyt", "PtfmRefzt"):
         if elastodyn.number(key, 0.0) != 0.0:
