@@ -179,6 +179,7 @@ def test_evaluation_is_saved_and_read_back(evaluation, tmp_path):
         (["simulate", "--wind-speed", "nan"], "wind_speed must be numbers from 0 to 50 m/s, got (nan,)"),
         (["simulate", "--turbulent", "--wind-speed", "0.1"], "from 0.5 m/s with --turbulent, got 0.1"),
         (["simulate", "--duration", "-5"], "duration must be a number from 1 to 1e+06 s, got -5.0"),
+        (["simulate", "--wave-period", "12"], "--wave-period must have waves: --wave-height above 0 m"),
     ],
 )
 def test_errors_of_the_user_take_one_line(command, message, tmp_path):

@@ -197,13 +197,16 @@ def sea_of(arguments: argparse.Namespace, turbine: Turbine) -> WaveComponents | 
     Raises
     ------
     ValueError
-        If the turbine does not float.
+        If the turbine does not float, or waves without height have something of their own.
     """
     import numpy as np
 
     from wt_gym.hydrodynamics.waves import SeaState
 
     if arguments.wave_height == 0.0:
+        for one in options_of(SimulationOptions):
+            if one.name.startswith("wave_") and getattr(arguments, one.name) != one.default:
+                raise ValueError(f"--{one.name.replace('_', '-')} must have waves: --wave-height above 0 m")
         return None
     if turbine.floater is None:
         raise ValueError(f"--wave-height must be left out: {turbine.name!r} does not float")
