@@ -448,7 +448,6 @@ def test_malformed_systems():
         ("nose", lambda: missing.add_constraint(Constraint("ball"), None, 0, second_marker="nose")),
         ("'late' comes too late", lambda: built.add(box("late"), Joint("free"))),
         ("'late' comes too late", lambda: built.add_constraint(Constraint(name="late"), None, 0)),
-        ("got 'none', whose joint is 'fixed'", lambda: missing.index(1, "joint_q")),
     )
 
 

@@ -300,14 +300,8 @@ class MultibodySystem:
     def index(self, body: int, what: str) -> int:
         """Index of the first "joint_q", "joint_u", "elastic_q", "elastic_u" or "servo" entry of a body.
 
-        Raises
-        ------
-        MultibodyError
-            For the coordinates of a joint that has none: the index would be that of the next joint.
+        Where it has no such entry the index is that of the next body.
         """
-        if what.startswith("joint") and self.joints[body].n_velocity == 0:
-            name, kind = self.bodies[body].name, self.joints[body].kind
-            raise MultibodyError(f"body must have a joint with coordinates, got {name!r}, whose joint is {kind!r}")
         return self._index[body][what]
 
     def initial_state(self) -> Array:
