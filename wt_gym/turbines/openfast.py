@@ -283,7 +283,6 @@ def _note_the_rest(model: Model) -> None:
     """Note the keywords that change what the model does and that the turbine does not hold."""
     primary, elastodyn, servodyn, aerodyn = model.primary, model.elastodyn, model.servodyn, model.aerodyn
     is_afloat = floats(model)
-    held = dict.fromkeys(MOTIONS, True) if is_afloat else {}
     modeled = ("CompSeaSt", "CompHydro", "CompMooring") if is_afloat else ()
     left = [
         f"{what} ({key})"
@@ -298,7 +297,7 @@ def _note_the_rest(model: Model) -> None:
         base = elastodyn.number("TowerBsHt")
         model.note(f"left aside: {', '.join(left)}; the tower is clamped at its base, {base:g} m up")
     files = {"elastodyn": elastodyn, "servodyn": servodyn, "aerodyn": aerodyn}
-    groups = [*_GROUPS, ("elastodyn", "motions of the platform that the model fixes and that are free here", held)]
+    groups = [*_GROUPS]
     if primary.integer("CompElast") == 1:  # BeamDyn's blade has no such modes
         modes = "modes that the model fixes and that are free here"
         groups.append(("elastodyn", modes, dict.fromkeys(ASIDE["blade_modes"], True)))
