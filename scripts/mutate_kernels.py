@@ -16,16 +16,21 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+import os
+import shutil
+import signal
 import sys
+import tempfile
 import time
 import types
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-from mutate import ROOT, clone, noticed
+ROOT = Path(__file__).resolve().parent.parent
 
 
 class Mutant(NamedTuple):
@@ -71,6 +76,43 @@ def interpret() -> None:
     vectors.reciprocal = lambda vector: np.float32(1.0) / vector
     vectors.reciprocal_root = lambda vector: np.float32(1.0) / np.sqrt(vector)
     sys.modules[vectors.__name__] = vectors
+
+
+def noticed(tests: list[str], limit: float) -> bool:
+    """Whether the tests fail, or take longer than a limit [s], in a fork of this process."""
+    child = os.fork()
+    if child == 0:
+        os.setsid()
+        quiet = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(quiet, 1)
+        os.dup2(quiet, 2)
+        import pytest
+
+        os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", *tests])))
+    end = time.monotonic() + limit
+    while time.monotonic() < end:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return status != 0
+        time.sleep(0.02)
+    os.killpg(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return True
+
+
+@contextmanager
+def clone(*modules: str) -> Iterator[Path]:
+    """Temporary copy of the repository that this process works in, with modules that forks share."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "wt_gym"
+        skipped = shutil.ignore_patterns(".git", ".venv", "__pycache__", "shared", "docs", "*.ipynb")
+        shutil.copytree(ROOT, copy, symlinks=True, ignore=skipped)
+        os.chdir(copy)
+        sys.dont_write_bytecode = True
+        sys.path[:] = [str(copy), *(entry for entry in sys.path if entry not in ("", str(ROOT), str(ROOT / "scripts")))]
+        for name in ("pytest", "hypothesis.extra.numpy", "scipy.stats", *modules):
+            importlib.import_module(name)
+        yield copy
 
 
 def main() -> int:

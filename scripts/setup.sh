@@ -52,8 +52,9 @@ set_up() {
     # one that was whole is brought up to date again, where that fails for want of a network
     if [[ -n $found ]]; then echo outdated; else echo unfinished; fi >"$stamp"
     "$python" -m venv .venv
-    # the build runs in the environment itself: another one would be downloaded each time
-    install 'hatchling>=1.27'
+    # the build runs in the environment itself: another one would be downloaded each time. moviepy comes as a source
+    # archive, which setuptools before 70.1 builds only beside the package wheel
+    install 'hatchling>=1.27' 'setuptools>=70.1'
     install_torch
     install --no-build-isolation --editable ".[$extras]"
     if [[ $extras == "$all" ]]; then

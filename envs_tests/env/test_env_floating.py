@@ -9,13 +9,18 @@ import pytest
 
 from wt_gym.base.errors import InflowError
 from wt_gym.envs.platform_rewards import PlatformMotion
+from wt_gym.envs.record_store import CATALOG, find_record, recorded_speeds
 from wt_gym.envs.rewards import HighSpeed
+from wt_gym.envs.running_record import PLAN
 from wt_gym.envs.sea import SeaTerm
 from wt_gym.envs.terminations import Limits
 from wt_gym.envs.turbine_env import WindTurbineEnv
+from wt_gym.envs.wind_sampler import WindOptions, WindSampler
+from wt_gym.hydrodynamics.waves import SeaState
 from wt_gym.turbines import load_turbine
 
 OC4 = "wt_gym/OC4-FloatingLoadReduction-v1"
+FLOATING = [recorded for recorded in CATALOG if recorded.turbine in ("oc4_nrel_5mw", "volturnus_iea_15mw")]
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +94,70 @@ def test_period_of_a_sea_is_told_as_it_is(turbine, tmp_path):
         )
     ]  # fmt: skip
     assert periods == pytest.approx([2.0 * math.pi / 0.9, 0.0, 0.0, 8.0], rel=0.02)
+    regular = SeaTerm(turbine, {"kind": "regular", "significant_height": 2.0, "peak_period": 8.0}, False)
+    told = regular.sea(np.random.default_rng(0), 12.0, 300.0).first_info()["significant_wave_height"]
+    assert told == pytest.approx(2.0)  # not four standard deviations, 2.83 m
+
+
+def test_wave_files_have_names_units_and_no_slow_content(tmp_path):
+    """The mark of a spreadsheet and a line of units were no numbers; a swell of 40 s went without a word."""
+    time, file = np.arange(0.0, 600.0, 0.5), tmp_path / "waves.csv"
+
+    def written(head, elevation):
+        lines = "".join(f"{t},{z}\n" for t, z in zip(time, elevation, strict=True))
+        file.write_text(head + lines, encoding="utf-8")
+        return SeaState("file", file=file).components(np.random.default_rng(0), 200.0)
+
+    waves = np.sin(0.9 * time)
+    for head in ("", "\ufefftime,elevation\n", "time,elevation\n(s),(m)\n"):
+        tide = written(head, waves + 5.0 + 2.0 * np.sin(2.0 * np.pi / 600.0 * time))
+        assert 0.5 * np.sum(tide.amplitude**2) == pytest.approx(0.5, rel=0.02)
+    with pytest.raises(InflowError, match="periods up to 120 s between the cut-offs"):
+        written("", waves + 3.0 * np.sin(2.0 * np.pi / 40.0 * time))
+    with pytest.raises(InflowError, match="CSV file of numbers"):
+        written("three\nlines\nof words\n", waves)
+    with pytest.raises(InflowError, match="spreading must be None or 0 for regular waves"):
+        SeaState("regular", 2.0, 10.0, spreading=2.0)
+
+
+# ---- starts ----
+
+
+@pytest.mark.parametrize("recorded", FLOATING, ids=lambda one: one.name)
+def test_the_slow_motion_of_a_start_fits_the_wind(recorded):
+    """Between two recorded winds it has the mean between them, and no more spread than they have."""
+    turbine, rng = load_turbine(recorded.turbine), np.random.default_rng(0)
+    (_, record), winds = find_record(turbine, 1.0), WindSampler(turbine, WindOptions(inflow="turbulent"))
+    count, first = recorded.runs * PLAN.instants, recorded_speeds(turbine).tolist().index(14.0)
+    beside = [np.array([record.at(turbine, (first + k) * count + i).platform for i in range(count)]) for k in (0, 1)]
+    mean, spread = (0.5 * sum(f(each, axis=0) for each in beside) for f in (np.mean, np.std))
+    inflows = [winds.sample(rng, wind_speed=15.0, length=300.0).inflow for _ in range(60)]
+    starts = np.array(
+        [record.start(turbine, inflow, 15.0, 0.0, rng.random(), None, np.inf).platform for inflow in inflows]
+    )
+    for place in (0, 4):
+        assert starts[:, place].mean() == pytest.approx(mean[place], abs=0.45 * spread[place])
+        assert 0.6 < starts[:, place].std() / spread[place] < 1.4
+
+
+@pytest.mark.slow
+def test_the_first_minute_is_as_unsteady_as_the_later_ones():
+    """Variance over starts and time; surge had 2.5 times the settled one from records of two runs in still water."""
+
+    def motion(seed, steps, **options):
+        env = gym.make(OC4, wind_speed=15.0, starts=None, relative_reward=False, max_episode_steps=steps, **options)
+        env.reset(seed=seed)
+        rows = []
+        for _ in range(steps):
+            assert not env.step(np.zeros(env.action_space.shape))[2]
+            signals = env.unwrapped.signals
+            rows.append([signals[name] for name in ("platform_pitch", "platform_surge", "tower_base_fore_aft_moment")])
+        return np.array(rows)
+
+    first = np.array([motion(seed, 200) for seed in range(80)])
+    later = np.array([motion(seed, 2700)[1350:] for seed in range(900, 916)])
+    ratio = first.var(axis=(0, 1)) / later.var(axis=(0, 1))
+    np.testing.assert_array_less(np.abs(np.log(ratio)), np.log([1.4, 1.7, 1.3]))  # thrice the noise of so many runs
 
 
 def test_high_speed_costs_from_115_percent_on(turbine):

@@ -132,6 +132,22 @@ def test_a_start_amid_waves_is_their_steady_motion():
     assert released(simulator, rest, 1.0)[0, 0] == 0.0  # a given slow motion is taken as it is, in still water
 
 
+@pytest.mark.parametrize("rotation", ["clockwise", "counter-clockwise"])
+def test_the_slow_motion_is_that_without_the_answer_to_the_waves(rotation):
+    """A given one comes back, and of the motion that waves alone make nearly nothing is left."""
+    simulator = Simulator(load_turbine(NAMES["oc4"]).with_site(rotation=rotation), SteadyInflow(0.01))
+    simulator.sea = SeaState("jonswap", 2.0, 10.0, direction=0.5).components(np.random.default_rng(0), 200.0)
+    given = np.concatenate([[3.0, 1.0, 0.2, 0.01, 0.03, 0.02], 0.01 * np.ones(6)])
+    simulator.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0, platform=given)
+    np.testing.assert_allclose(simulator.slow_platform(), given, atol=1e-9)
+    simulator.reset(0.0, pitch=0.5 * np.pi, generator_torque=0.0)
+    whole, slow = [], []
+    for _ in range(round(60.0 / simulator.time_step)):
+        whole.append(platform(simulator.advance(simulator.time_step, pitch=0.5 * np.pi)))
+        slow.append(simulator.slow_platform()[:6])
+    assert (np.std(slow, axis=0)[:5] < 0.15 * np.std(whole, axis=0)[:5]).all()
+
+
 def test_a_snapshot_continues_in_its_waves():
     simulator = running()
     course(simulator, WAVES, steps=3)

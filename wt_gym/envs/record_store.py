@@ -32,7 +32,17 @@ from wt_gym.base.processes import one_blas_thread
 from wt_gym.base.user_cache import user_cache
 from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs.power import available_power
-from wt_gym.envs.running_record import PLAN, ControllerForm, Instants, Record, RecordingPlan, RowLayout, StartRecorder
+from wt_gym.envs.running_record import (
+    FLOATING_PLAN,
+    PLAN,
+    ControllerForm,
+    Instants,
+    Record,
+    RecordingPlan,
+    RowLayout,
+    StartRecorder,
+)
+from wt_gym.envs.sea import recorded_sea
 from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.simulation.contract import fingerprint
 from wt_gym.simulation.fidelity import suited_fidelity
@@ -164,7 +174,8 @@ def record_canary(turbine: Turbine, fidelity: str, controller: str, level: float
         sited = turbine.with_site(**_CANARY_SITE)
         speed = 1.2 * sited.rated_wind_speed
         inflow = WindSampler(sited, WindOptions(inflow="turbulent")).turbulence(speed, _CANARY_SEED)
-        rows = make_recorder(sited, fidelity, controller, level, speed).run(inflow, _CANARY_PLAN).rows
+        sea = recorded_sea(sited, speed, _CANARY_SEED)
+        rows = make_recorder(sited, fidelity, controller, level, speed).run(inflow, _CANARY_PLAN, sea).rows
         n_motion = rows.shape[1] - RowLayout.of(turbine.n_blades, 0).memory.start
         places = RowLayout.of(turbine.n_blades, n_motion)._asdict().items()
         return {f"{part}[{k}]": canary_text(row) for part, place in places for k, row in enumerate(rows.T[place])}
@@ -276,9 +287,13 @@ def _packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.f
 
 
 _SEED = 7_777_000  # First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s
-_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8, "oc4_nrel_5mw": 2, "volturnus_iea_15mw": 2}
+_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8, "oc4_nrel_5mw": 12, "volturnus_iea_15mw": 8}
 """Winds at a wind speed: most for turbines of tasks."""
 _ATTEMPTS = 3  # Winds of a run: a gust may stop a turbine at cut-out by its overspeed
+
+
+def _plan_of(turbine: Turbine) -> RecordingPlan:
+    return PLAN if turbine.floater is None else FLOATING_PLAN
 
 
 @dataclass(frozen=True)
@@ -311,7 +326,7 @@ class RecordedTurbine:
     def key(self) -> str:
         """Digest of all on which the runs depend, besides the program."""
         turbine = load_turbine(self.turbine)
-        return fingerprint(turbine, self.run_fidelity, self.controller, self.level, self.runs, PLAN)[:16]
+        return fingerprint(turbine, self.run_fidelity, self.controller, self.level, self.runs, _plan_of(turbine))[:16]
 
     def canary(self) -> Canary:
         """Canary of the record."""
@@ -334,7 +349,8 @@ class RecordedTurbine:
         recorder = make_recorder(turbine, self.run_fidelity, self.controller, self.level, speed)
         for attempt in range(_ATTEMPTS):
             try:
-                return recorder.run(self.inflow(speed, run + attempt * self.runs), PLAN)
+                inflow = self.inflow(speed, run + attempt * self.runs)
+                return recorder.run(inflow, _plan_of(turbine), recorded_sea(turbine, speed, _SEED + run))
             except SimulationError as error:
                 _log.info("%s does not run in wind %d at %g m/s (%s)", self.turbine, run, speed, error)
                 failure = error

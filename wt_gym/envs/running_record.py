@@ -5,7 +5,9 @@ the instants at a wind speed tells how much of the motion z (`FOLLOWS`) the wind
 at whose wind speed B explains the least difference from the wind of the episode, in standard deviations of z; one of
 them is drawn, and all that it holds but the azimuth is moved by the linear fit of all columns to the wind of the
 episode. The part that the wind does not explain, and the motion side-side above all, is thus drawn from its
-distribution. Turbulence of another class or model than the recorded one draws from the same instants.
+distribution. So is the slow motion of a platform, which remembers the wind for longer than the windows: it moves with
+the mean speed of the wind alone. It is recorded in waves, whose drag damps it, without the answer to them: a start adds
+the answer to its own. Turbulence of another class or model than the recorded one draws from the same instants.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from wt_gym.control.controllers.controller import Memory, changing_parts, memory
 from wt_gym.control.operating_point import starting_point
 from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.envs.power import AZIMUTHS, RINGS, disc_points
+from wt_gym.hydrodynamics.waves import WaveComponents
 from wt_gym.simulation import Signals, Simulator
 from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, parities
 from wt_gym.simulation.drivetrain.drives import available_torque
@@ -55,7 +58,8 @@ class Start:
         Of the structure, as `wt_gym.simulation.Simulator.reset` takes it, where fidelity and azimuth are those of the
         record.
     deviations : dict
-        Of the running means of channels from their current values, by name.
+        Of the running means of channels from their current values, by name; of a floater, whose loads were those of
+        other waves, the running means.
     """
 
     rotor_speed: float  #: [rad/s]
@@ -102,7 +106,7 @@ class Start:
             return signals
         averaged = Signals(signals.values.copy(), signals.n_blades)
         for name, deviation in self.deviations.items():
-            averaged.set(name, signals[name] + deviation)
+            averaged.set(name, deviation if self.platform is not None else signals[name] + deviation)
         return averaged
 
 
@@ -117,6 +121,8 @@ class RecordingPlan:
 
 PLAN = RecordingPlan()
 """Plan of the records of the package."""
+FLOATING_PLAN = RecordingPlan(settling=400.0)
+"""Of floating turbines: surge decays by half in some 50 s."""
 AVERAGED = ("root_flap_moment", "tower_base_fore_aft_moment", "tower_base_side_side_moment")
 """Loads whose high-pass filters begin an episode with the running mean of the turbine that runs before it."""
 WINDOWS = (0.0, 1.0, 3.0, 6.0, 12.0)
@@ -152,7 +158,7 @@ class RowLayout(NamedTuple):
     turning: slice  #: Azimuth and speed of the low-speed shaft
     history: slice  #: Wind before, see `_averaged`
     thrust: slice  #: Mean over the windows before [N]
-    motion: slice  #: motion of the structure, empty where the fidelity takes none; of a floater, in still water
+    motion: slice  #: motion of the structure, empty where the fidelity takes none; of a floater, its slow motion
     memory: slice  #: Numbers of the controller that change; to the end
 
     @classmethod
@@ -185,8 +191,8 @@ class StartRecorder:
         self.turbine, self.fidelity, self.controller = turbine, fidelity_of(fidelity), controller
         self._demanded_power = demanded_power
 
-    def run(self, inflow: Inflow, plan: RecordingPlan = PLAN) -> Instants:
-        """Run the turbine in a wind.
+    def run(self, inflow: Inflow, plan: RecordingPlan = PLAN, sea: WaveComponents | None = None) -> Instants:
+        """Run the turbine in a wind, on a platform in a sea.
 
         Raises
         ------
@@ -194,7 +200,7 @@ class StartRecorder:
             If the simulation fails.
         """
         turbine, controller, n = self.turbine, copy.deepcopy(self.controller), self.turbine.n_blades
-        simulator = Simulator(turbine, inflow, self.fidelity)
+        simulator, floats = Simulator(turbine, inflow, self.fidelity, sea=sea), turbine.floater is not None
         point = starting_point(turbine, inflow)
         signals = simulator.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
         readings = self._readings(controller, signals, inflow)
@@ -216,11 +222,11 @@ class StartRecorder:
             thrusts.append(signals["aero_thrust"])
             if k >= settling and (k - settling) % spacing == 0:
                 y, s = simulator.coupling.integrator.state, simulator.structure
-                parts = (
+                parts: tuple[Any, ...] = (
                     signals.values[_recorded_channels(n)], _turned(lasting, signals["azimuth"], n),
                     simulator.tower_top(), means, [y[s.azimuth_q] % (2.0 * math.pi), y[s.system.n_q + s.azimuth_u]],
                     wind_history(inflow, turbine, 0.0, k * dt), [np.mean(thrusts)],
-                    simulator.motion() if simulator.takes_motion else s.platform(y),
+                    simulator.motion() if simulator.takes_motion else simulator.slow_platform() if floats else [],
                 )  # fmt: skip
                 rows.append(np.concatenate(parts))
                 memories.append(memory_of(controller))
@@ -348,11 +354,19 @@ class Record:
             return None
         instant = int(alike[int(number * len(alike))])
         change = (history - self._rows[instant, self._columns.history]) @ self._responses[instant // self._per_speed]
+        if turbine.floater is None:
+            return self.at(turbine, instant, azimuth, change)
+        change[self._columns.motion] = self._platform_change(instant, speed)
         start = self.at(turbine, instant, azimuth, change)
-        if start.platform is None:
-            return start
+        assert start.platform is not None
         # recorded in wind along x; angles as small as these turn like a vector
         return replace(start, platform=(start.platform.reshape(4, 3) @ rotation_about_z(yaw)[:3, :3].T).ravel())
+
+    def _platform_change(self, instant: int, speed: float) -> list[float]:
+        """Change of the mean motion of a platform (12,) from the wind of an instant to a wind speed [m/s]."""
+        means = self._rows[:, self._columns.motion].reshape(len(self._speeds), self._per_speed, -1).mean(axis=1)
+        own = means[instant // self._per_speed]
+        return [np.interp(speed, self._speeds, mean) - here for mean, here in zip(means.T, own, strict=True)]
 
     def at(
         self, turbine: Turbine, instant: int, azimuth: float | None = None, change: NDArray[np.float64] | float = 0.0
@@ -371,7 +385,8 @@ class Record:
             pitch = np.full(n, pitch.mean())
         places = [_places(n)[name] for name in AVERAGED]
         means = np.split(row[columns.means], np.cumsum([len(place) for place in places])[:-1])
-        changes = {name: mean - row[at] for name, mean, at in zip(AVERAGED, means, places, strict=True)}
+        present = [np.zeros(len(at)) if floats else row[at] for at in places]
+        changes = {name: mean - now for name, mean, now in zip(AVERAGED, means, present, strict=True)}
         deviations = {name: each if len(each) > 1 else float(each[0]) for name, each in changes.items()}
         speed, torque = float(row[columns.turning.start + 1]), 0.0
         if turbine.drivetrain.takes_torque:  # a changed row may ask for more than the generator has

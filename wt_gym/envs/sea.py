@@ -62,7 +62,7 @@ class SeaChoice:
         fields = dict(value)
         spread = fields.pop(MISALIGNMENT, 0.0)
         if not (isinstance(spread, (int, float, np.number)) and spread is not True and 0.0 <= spread <= math.pi):
-            raise ValueError(f"sea {MISALIGNMENT!r} must be between 0 and pi rad, got {spread!r}")
+            raise ValueError(f"{MISALIGNMENT!r} of sea must be between 0 and pi rad, got {spread!r}")
         fields.setdefault("kind", "jonswap")
         state, own = SeaState(**fields), {"significant_height", "peak_period"} & fields.keys()
         if own and not state.significant_height and state.kind not in (STILL, "file"):
@@ -78,6 +78,14 @@ def sea_of_wind(speed: float) -> SeaState:
     18 m/s, as in the reference cases of both platforms. Sites differ; a task names its own.
     """
     return SeaState("jonswap", max(speed / 3.0 - 1.0, 0.5), 5.0 + speed / 3.0)
+
+
+def recorded_sea(turbine: Turbine, speed: float, seed: int) -> WaveComponents | None:
+    """Sea of a record in a mean wind [m/s] along the waves; None on the ground."""
+    if turbine.floater is None:
+        return None
+    state = replace(sea_of_wind(speed), duration=LONGEST)
+    return state.components(np.random.default_rng(seed), turbine.floater.water_depth)
 
 
 @dataclass(frozen=True)
@@ -100,6 +108,8 @@ class EpisodeSea:
         """Its part of the info of a reset."""
         waves, period = self.components, self.state.peak_period
         height = 4.0 * math.sqrt(0.5 * float(np.sum(waves.amplitude**2)))
+        if self.state.kind == "regular":
+            height = self.state.significant_height
         if self.state.kind == "file" and height > 0.0:  # whose state has no period
             period = 2.0 * math.pi / float(waves.frequency[np.argmax(waves.amplitude)])
         elif self.state.kind not in ("regular", "jonswap", "pierson_moskowitz"):

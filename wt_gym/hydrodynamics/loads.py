@@ -397,6 +397,7 @@ class WaveResponse:
 
     def __init__(self, loads: PlatformLoads) -> None:
         self._loads = loads
+        self._started: HarmonicMotion | None = None
         a, b, c = loads.radiation
         self._poles, vectors = np.linalg.eig(a)
         self._states, self._inputs, self._outputs = vectors, np.linalg.solve(vectors, b.astype(complex)), c @ vectors
@@ -429,11 +430,18 @@ class WaveResponse:
 
     def start(self, mass: Array, stiffness: Array) -> WaveMotion:
         """Return the motion at time zero; see `solve` for the arguments."""
-        motion = self.solve(mass, stiffness)
+        self._started = motion = self.solve(mass, stiffness)
         memory = self._memory(self._loads.arrays.wave_frequency)
         states = ((motion.velocity @ self._inputs.T) * memory).sum(axis=0) @ self._states.T
-        displacement, velocity = motion.displacement.sum(axis=0).real, motion.velocity.sum(axis=0).real
+        displacement, velocity = np.split(self.platform(0.0), 2)
         return WaveMotion(displacement, velocity, np.ascontiguousarray(states.real))
+
+    def platform(self, time: float) -> Array:
+        """Return displacement and velocity (12,) at a time after the last start [s]."""
+        motion = self._started
+        assert motion is not None
+        turn = np.exp(1j * self._loads.arrays.wave_frequency * time)
+        return np.concatenate([(turn @ motion.displacement).real, (turn @ motion.velocity).real])
 
     def _memory(self, omega: Array) -> NDArray[np.complex128]:
         """Answer of each pole of the radiation to each frequency, shape (c, r)."""

@@ -15,6 +15,7 @@ from wt_gym.base.options import LONGEST, option, option_record
 from wt_gym.base.quantities import GRAVITY, Array
 from wt_gym.hydrodynamics.record import Record
 
+_TIDE = 120.0  # Period beyond which an elevation is none of waves [s]
 KINDS = ("still", "regular", "jonswap", "pierson_moskowitz", "white", "file")
 
 
@@ -127,7 +128,7 @@ class SeaState(WaveRecord):
     low_cutoff: float = option("least frequency of components", default=0.2, unit="rad/s", low=1e-3, high=10)
     high_cutoff: float = option("largest frequency of components", default=1.25, unit="rad/s", low=1e-2, high=20)
     file: Path | None = option(
-        "CSV file of time [s] and elevation [m] at the origin, with or without a line of names",
+        "CSV file of time [s] and elevation [m] at the origin, with or without lines of names and units",
         default=None,
         otherwise="none",
     )
@@ -164,6 +165,8 @@ class SeaState(WaveRecord):
                 f"SeaState.significant_height must be at most {breaking:.3g} m, where waves of {self.peak_period:g} s "
                 f"break; got {self.significant_height:g} m"
             )
+        if self.spreading and self.kind == "regular":
+            raise InflowError(f"SeaState.spreading must be None or 0 for regular waves, got {self.spreading:g}")
         if self.peak_factor is not None and self.kind != "jonswap":
             raise InflowError(f"SeaState.peak_factor must be None for kind {self.kind!r}, got {self.peak_factor:g}")
 
@@ -267,9 +270,11 @@ class SeaState(WaveRecord):
 
     def _from_file(self) -> tuple[Array, Array, Array]:
         try:
-            rows = Path(str(self.file)).read_text(encoding="utf-8").splitlines()
-            words = set(filter(str.isalpha, "".join(rows[:1]).lower())) - set("nanife")  # numbers have nan, inf and e
-            data = np.loadtxt(rows[bool(words) :], delimiter=",", ndmin=2)
+            rows = Path(str(self.file)).read_text(encoding="utf-8-sig").splitlines()
+            for _ in ("names", "units"):  # numbers have nan, inf and e
+                if set(filter(str.isalpha, "".join(rows[:1]).lower())) - set("nanife"):
+                    rows = rows[1:]
+            data = np.loadtxt(rows, delimiter=",", ndmin=2)
         except (OSError, ValueError) as error:
             raise InflowError(f"SeaState.file must be a CSV file of numbers, {self.file} is not: {error}") from error
         if data.ndim != 2 or data.shape[1] < 2 or len(data) < 4 or not np.isfinite(data).all():
@@ -284,12 +289,13 @@ class SeaState(WaveRecord):
         transform = np.fft.rfft(data[:, 1]) / len(data)
         frequency = 2.0 * math.pi * np.fft.rfftfreq(len(data), step)
         inside = (frequency >= self.low_cutoff) & (frequency <= self.high_cutoff)
-        power = np.abs(transform[frequency >= self.low_cutoff]) ** 2
+        power = np.abs(transform[frequency > 2.0 * math.pi / _TIDE]) ** 2
         share = np.sum(np.abs(transform[inside]) ** 2) / max(power.sum(), 1e-300)
         if math.pi / step <= self.high_cutoff or share < 0.9:
             raise InflowError(
                 f"SeaState.file must resolve waves up to high_cutoff, {self.high_cutoff:g} rad/s, and hold nine tenths "
-                f"of their variance below it; {self.file} has steps of {step:g} s and {share:.0%}"
+                f"of the variance of periods up to {_TIDE:g} s between the cut-offs; {self.file} has steps of {step:g} "
+                f"s and {share:.0%}"
             )
         frequency, transform = frequency[inside], transform[inside]
         twice = 2.0 * transform * np.exp(-1j * frequency * time[0])

@@ -28,7 +28,7 @@ from wt_gym.simulation.start import Starter
 from wt_gym.simulation.step.coupling import Coupling
 from wt_gym.simulation.step.coupling_data import Measurement
 from wt_gym.turbines import Turbine, load_turbine
-from wt_gym.turbines.variants import clockwise_image, with_generator
+from wt_gym.turbines.variants import REFLECTION_6, clockwise_image, with_generator
 from wt_gym.wind import Inflow
 
 if TYPE_CHECKING:
@@ -366,6 +366,12 @@ class Simulator(DrivenSimulator):
         self._require_start()
         integrator = self.coupling.integrator
         return self.structure.motion(integrator.state, integrator.state_rate, self.drives.command[1])
+
+    def slow_platform(self) -> Array:
+        """Motion of a floater since `reset` without its answer to the waves, array (12,), as `reset` takes it."""
+        self._require_start()
+        slow = self.structure.platform(self.coupling.integrator.state) - self._starter.wave_motion(self.time)
+        return slow * np.tile(REFLECTION_6, 2) if self.mirrored else slow
 
     def constraint_drift(self, restart: bool = True) -> Drift:
         """How far steps have drifted off the constraint equations before they were put back onto them.

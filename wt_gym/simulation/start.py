@@ -278,7 +278,7 @@ class Starter:
         """Motion of a floater (y, in place) amid its waves; returns the memory of the water.
 
         To the balance, or a slow motion in its place, the harmonic answer to the waves of time zero is added. A slow
-        motion belongs to still water: a current moves it as far as it moves the balance. The elastic coordinates then
+        motion is one without current: a current moves it as far as it moves the balance. The elastic coordinates then
         balance the loads of this instant, the floater moving freely.
         """
         c = self._balanced
@@ -299,6 +299,12 @@ class Starter:
         elastic_equilibrium(system, y, c.integrator.inputs, c.integrator.work, (s.azimuth_u, *places.tolist()),
                             _balances_forces(c.models.fidelity))  # fmt: skip
         return amid.radiation
+
+    def wave_motion(self, time: float) -> Array:
+        """Motion of a floater by the waves (12,) at a time after the start [s], as the start adds it at time zero."""
+        response = self._balanced.wave_response
+        assert response is not None
+        return response.platform(time)
 
     def _still(self, y: Array) -> Array:
         """Return the state in which a floater that rests in a current would rest without it; in still water y."""

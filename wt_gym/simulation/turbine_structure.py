@@ -131,9 +131,8 @@ class TurbineStructure:
             part[across] = (sin * x + cos * z) / top[1, across]
 
     def platform(self, y: Array) -> Array:
-        """Coordinates of a floater and their rates (12,) in a state y [m, rad; m/s, rad/s]; on the ground (0,)."""
-        if self.floater is None:
-            return np.zeros(0)
+        """Coordinates of a floater and their rates (12,) in a state y [m, rad; m/s, rad/s]."""
+        assert self.floater is not None
         q, n = self.system.index(self.floater, "joint_q"), self.system.n_q
         u = n + self.system.index(self.floater, "joint_u")
         return np.concatenate([y[q : q + 6], y[u : u + 6]])

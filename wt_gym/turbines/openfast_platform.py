@@ -102,7 +102,7 @@ def read_openfast_platform(model: Model) -> Platform | None:
     lines: tuple[MooringLine, ...] = ()
     if primary.integer("CompMooring", 0):
         lines = read_mooring(existing_file(primary.path.parent, primary.text("MooringFile"), "MooringFile"), depth)
-        model.note("mooring lines are quasi-static here, without inertia and drag of their own")
+        model.note("mooring lines are quasi-static here, without inertia and drag of their own or mass of their ends")
     elif np.trace(stiffness[:2, :2]) <= 0.0:
         raise primary.fail("CompMooring", 0, "1 or 3 for a platform that AddCLin does not hold")
     linear, quadratic = (file.numbers(file.line_of(key), 6, 6, key) for key in ("AddBLin", "AddBQuad"))
