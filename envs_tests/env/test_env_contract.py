@@ -13,7 +13,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from stable_baselines3.common.vec_env import DummyVecEnv
 from turbine_contract import random_episode, snapshot_repeats
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import ActionError, InflowError, SimulationError
 
 IDS = ("wt_gym/NREL5MW-Steady-v1", "wt_gym/NREL5MW-Turbulent-v1")
