@@ -356,7 +356,6 @@ class RoscoController(BladedController):
             values = {"Fl_Mode": mode} | ({} if has_own else _feedback_values(turbine, mode))
             target.write_text(with_values(target.read_text(encoding="utf-8"), values), encoding="utf-8")
         super().__init__(turbine, library, target, interval=o.interval, isolated=o.isolated)
-        self.input_folder = folder
         """Holds the input file as long as this controller or a copy of it lives."""
         self._derate, self._plain_input = o.derate, target.read_text(encoding="utf-8")
         self._start_stop: dict[str, object] | None = None
@@ -408,7 +407,7 @@ class RoscoController(BladedController):
             if self._start_stop and not parked:
                 values["SD_TimeActivate"] = 0.0
         (made / "DISCON.IN").write_text(with_values(self._plain_input, values), encoding="utf-8")
-        self.input_file, self.input_folder = str(made / "DISCON.IN"), folder
+        self.input_file = str(made / "DISCON.IN")
 
     def _is_parked(self, signals: Readings, demand: Demand) -> bool:
         """Whether the rotor barely turns and the blades are feathered."""
