@@ -169,10 +169,6 @@ class BarChain:
         bend = self.spring * np.diff(theta, prepend=0.0)
         return -bend + np.append(bend[1:], 0.0)
 
-    def load_moment(self, theta: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Moments (n,) of dead transverse forces (n,) at the outer ends of the bars."""
-        return np.cumsum(force[::-1])[::-1] * self.bar * np.cos(theta)
-
     def tip(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Transverse and axial position of the tip for angles (..., n)."""
         return self.bar * np.sin(theta).sum(axis=-1), self.bar * np.cos(theta).sum(axis=-1)
@@ -203,7 +199,7 @@ class BarChain:
             matrix = self._coupling * np.cos(difference)
             moment = self.elastic_moment(angle) - (self._coupling * np.sin(difference)) @ speed**2
             if force is not None:
-                moment = moment + self.load_moment(angle, force)
+                moment = moment + np.cumsum(force[::-1])[::-1] * self.bar * np.cos(angle)  # of dead transverse forces
             return np.concatenate([speed, np.linalg.solve(matrix, moment)])
 
         start = np.concatenate([theta, np.zeros(n)])
