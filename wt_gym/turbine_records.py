@@ -72,7 +72,8 @@ def read_records(folder: Path) -> dict[str, TurbineRecord]:
     for path in sorted(folder.glob("*.json")):
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            arguments = _as_tuples(content.pop("arguments", {}))
+            given = content.pop("arguments", {})
+            arguments = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
             record = TurbineRecord(path.stem, **content, arguments=arguments)
         except (ValueError, TypeError, AttributeError) as error:
             raise ValueError(f"{path} must hold the record of a turbine, see TurbineRecord: {error}") from error
@@ -84,11 +85,6 @@ def read_records(folder: Path) -> dict[str, TurbineRecord]:
             raise ValueError(f"{path}: label and version must both be given or both be left out")
         found[path.stem] = record
     return found
-
-
-def _as_tuples(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Arguments with tuples where JSON has lists."""
-    return {name: tuple(value) if isinstance(value, list) else value for name, value in arguments.items()}
 
 
 RECORDS = read_records(FOLDER)

@@ -4,7 +4,6 @@ from functools import partial
 
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.tasks import TASKS
 
 torchrl_envs = pytest.importorskip("torchrl.envs", reason="TorchRL is not installed: pip install torchrl")

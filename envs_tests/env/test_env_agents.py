@@ -10,7 +10,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from envs_tests.env.scripted_simulator import Swinging
 from wt_gym.analysis.metrics import LIMIT_METRICS, METRICS, PLATFORM_METRICS, TRACKING_METRICS
 from wt_gym.analysis.report import write_report

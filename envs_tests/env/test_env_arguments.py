@@ -5,7 +5,6 @@ import json
 import gymnasium as gym
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import WtGymError
 from wt_gym.commands import run as run_command
 from wt_gym.envs.options import env_arguments

@@ -10,10 +10,8 @@ from gymnasium.error import ResetNeeded
 from matplotlib import pyplot as plt
 from matplotlib.backend_bases import FigureManagerBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from stable_baselines3.common.vec_env import DummyVecEnv
 from turbine_contract import random_episode, snapshot_repeats
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import ActionError, InflowError, SimulationError
 
 IDS = ("wt_gym/NREL5MW-Steady-v1", "wt_gym/NREL5MW-Turbulent-v1")
@@ -131,20 +129,6 @@ def test_longest_rates_reach_the_limits_and_stay_there():
     assert env.unwrapped.demand.pitch[0] == turbine.pitch.max_pitch
     assert env.unwrapped.signals["pitch_1"] == pytest.approx(turbine.pitch.max_pitch, abs=0.02)
     assert env.unwrapped.signals["generator_torque"] == 0.0
-
-
-def test_vector_environments_of_gymnasium_and_stable_baselines():
-    vec = gym.make_vec(IDS[1], num_envs=2, vectorization_mode="sync", wind_speed=12.0)
-    assert vec.reset(seed=0)[0].shape == vec.observation_space.shape
-    _, rewards, *_, infos = vec.step(np.zeros((2, 3), dtype=np.float32))
-    assert rewards.shape == infos["reward_terms"]["power"].shape == (2,)
-    vec.close()
-    vec = DummyVecEnv([lambda: gym.make(IDS[0], wind_speed=10.0)] * 2)
-    assert vec.reset().shape == (2, *vec.observation_space.shape)
-    _, rewards, dones, infos = vec.step(np.zeros((2, 3), dtype=np.float32))
-    assert rewards.shape == (2,)
-    assert not dones.any()
-    assert "power" in infos[0]["reward_terms"]
 
 
 def test_a_live_view_is_a_window_or_without_a_display_a_file(monkeypatch):

@@ -4,7 +4,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import WtGymError
 from wt_gym.control.controllers import IndividualPitch, make_controller
 from wt_gym.control.sensors import from_harmonic, to_harmonic

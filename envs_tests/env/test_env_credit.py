@@ -4,7 +4,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401
 from wt_gym.envs import WindTurbineEnv
 from wt_gym.envs.credit import held_responses, without_mean
 from wt_gym.envs.fatigue import BladeFatigue

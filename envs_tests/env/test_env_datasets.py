@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.learning.datasets import record_dataset
 from wt_gym.learning.options import DatasetConfig
 

@@ -7,7 +7,6 @@ import re
 import gymnasium as gym
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.commands import run as run_command
 from wt_gym.control.controllers import make_controller
 from wt_gym.envs.manual import observation_rows, source

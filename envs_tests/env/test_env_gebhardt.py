@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from turbine_contract import both_checkers_are_content, random_episode, snapshot_repeats
 
-import wt_gym  # noqa: F401 - registers the environments
 from envs_tests.physics.cases.gebhardt import boundary_layer
 from wt_gym.base.errors import ActionError, InflowError, TurbineDefinitionError
 from wt_gym.control import operating_point

@@ -159,16 +159,6 @@ def test_a_standing_rotor_starts_without_torque(make_env):
     assert (env.demand.generator_torque, env.signals["generator_torque"]) == (12e3, 12e3)
 
 
-def test_a_turbine_without_yaw_drive_has_no_yaw_action(make_env):
-    nrel = load_turbine("nrel_5mw")
-    env = make_env(turbine=replace(nrel, nacelle=replace(nrel.nacelle, max_yaw_rate=0.0)))
-    env.reset(seed=0)
-    assert env.action_space.shape == (2,)
-    assert env.layout.observation.names[-2:] == ("previous_pitch_rate", "previous_generator_torque_rate")
-    _, reward, *_ = env.step(np.zeros(2, dtype=np.float32))
-    assert np.isfinite(reward)
-
-
 class Broken:
     """A controller that demands what it was made with, from its third step on."""
 

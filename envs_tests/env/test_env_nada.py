@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from turbine_contract import both_checkers_are_content, random_episode, snapshot_repeats
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.simulation import Simulator
 from wt_gym.wind import SteadyInflow
 

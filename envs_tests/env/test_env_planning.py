@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from turbine_contract import PLAIN
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.experiment.agents import ShootingPlanner
 
 SMALL = {"horizon": 0.8, "hold": 0.4, "samples": 3, "elites": 2, "rounds": 2}

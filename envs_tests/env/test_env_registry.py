@@ -6,7 +6,6 @@ import gymnasium as gym
 import pytest
 from turbine_contract import both_checkers_are_content
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.tasks import TASKS
 
 # linear models are recorded first: envs_tests/unit/test_linear_env.py checks them on one that is made up

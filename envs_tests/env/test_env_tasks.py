@@ -12,7 +12,6 @@ from wt_gym.base.errors import SimulationError
 from wt_gym.control.controllers.names import make_controller
 from wt_gym.control.sensors import to_fixed_frame
 from wt_gym.envs import rewards
-from wt_gym.envs.channels import RESIDUAL_GROUPS
 from wt_gym.envs.dial import factor_of
 from wt_gym.envs.turbine_env import WindTurbineEnv
 from wt_gym.experiment.benchmark import make_env
@@ -27,19 +26,6 @@ from wt_gym.wind import SteadyInflow
 
 TURBULENT = "wt_gym/NREL5MW-Turbulent-v1"
 RESIDUAL = {"action_mode": "residual", "pitch": "fixed-frame"}
-
-
-def play(env, rng, steps):
-    """Observations, rewards and ends of some random steps."""
-    out = []
-    for _ in range(steps):
-        observation, reward, terminated, truncated, _ = env.step(rng.uniform(-1.0, 1.0, env.action_space.shape))
-        out.append((observation, reward, terminated, truncated))
-    return out
-
-
-def same(first, second):
-    return all(np.array_equal(a[0], b[0]) and a[1:] == b[1:] for a, b in zip(first, second, strict=True))
 
 
 # ---- contract of every choice ----
@@ -270,26 +256,6 @@ def test_the_estimated_wind_follows_the_wind():
 
 
 # ---- snapshots and copies in the middle of an episode ----
-
-
-@pytest.fixture(scope="module")
-def started():
-    env = WindTurbineEnv(
-        inflow="turbulent", wind_speed=13.0, sensor_noise=1.0, sensor_delay=0.2, history=2, episode_length=60.0,
-        controller="ipc+tower_dampers", observation=(*RESIDUAL_GROUPS, "wind_estimate", "lidar"), **RESIDUAL,
-    )  # fmt: skip
-    env.reset(seed=5)
-    play(env, np.random.default_rng(0), 7)
-    return env
-
-
-def test_an_environment_continues_from_its_snapshot(started):
-    taken = started.snapshot()
-    first = play(started, np.random.default_rng(1), 6)
-    play(started, np.random.default_rng(2), 6)
-    for _ in range(2):
-        started.restore(taken)
-        assert same(play(started, np.random.default_rng(1), 6), first)
 
 
 def test_an_episode_that_is_over_stays_over_after_restoring():

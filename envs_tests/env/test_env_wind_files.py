@@ -10,7 +10,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from envs_tests.env.scripted_simulator import ScriptedSimulator, use
 from wt_gym.analysis.results import Wind
 from wt_gym.base.errors import InflowError

@@ -7,7 +7,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from envs_tests.hawc2 import write_hawc2
 from wt_gym.base.errors import InflowError, SimulationError, TurbineDefinitionError
 from wt_gym.commands import evaluate

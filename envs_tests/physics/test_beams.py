@@ -11,7 +11,12 @@ from wt_gym.base.errors import TurbineDefinitionError
 from wt_gym.base.quantities import GRAVITY
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.simulation import Fidelity
-from wt_gym.simulation.turbine_structure import averaged_over_yaw, build_structure, rotor_nacelle_inertia
+from wt_gym.simulation.turbine_structure import (
+    add_sub_bodies,
+    averaged_over_yaw,
+    build_structure,
+    rotor_nacelle_inertia,
+)
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.flexible_body import (
     BodyInertia,
@@ -28,7 +33,7 @@ from wt_gym.structure.modes import (
     select_modes,
     spin_stiffness,
 )
-from wt_gym.structure.substructure import add_chain, cut_beam, sub_body_at, tip_and_interior_modes
+from wt_gym.structure.substructure import cut_beam, sub_body_at, tip_and_interior_modes
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import inertia_matrix
 
@@ -471,7 +476,7 @@ class TestSubstructure:
         expected = np.sqrt(eigh(beam.stiffness[6:, 6:], beam.mass[6:, 6:], eigvals_only=True))
         sub_bodies = cut_beam("beam", self.sections(), 6, 3, coordinates, n_modes)
         system = MultibodySystem((0.0, 0.0, 0.0))
-        add_chain(system, sub_bodies, Joint("fixed"))
+        add_sub_bodies(system, sub_bodies, lambda body: system.add(body, Joint("fixed")), "beam")
         found = frequencies(system.build(), system.initial_state(), step=1e-6)
         np.testing.assert_allclose(found[:12], expected[:12], rtol=1e-5)
 

@@ -19,7 +19,7 @@ from wt_gym.multibody.observer_frame.observer_frame_kernels import accelerations
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.multibody.tree import output_kernels
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.drivetrain.drives import DampingTorque, Drives, PitchDrives, TorqueCommand, YawDrive
+from wt_gym.simulation.drivetrain.drives import DampingTorque, Drives
 from wt_gym.simulation.drivetrain.faults import GeneratorLoss, VoltageDip
 from wt_gym.simulation.fidelity import fidelity
 from wt_gym.simulation.turbine_structure import build_structure
@@ -313,26 +313,6 @@ def test_the_step_response_is_that_of_first_order(dt):
     found = torques(Drives(lagged), 21e3, 50, dt)
     time = dt * np.arange(1, 51)
     np.testing.assert_allclose(found, 20e3 + 1e3 * (1.0 - np.exp(-time / 0.3)), rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("law", "start", "demand", "expected"),
-    [
-        (PitchDrives(TURBINE.pitch, 3), [0.1, 0.1, 0.1], [1.0, 0.11, 0.0], [0.1 + PITCH_STEP, 0.11, 0.1 - PITCH_STEP]),
-        (PitchDrives(TURBINE.pitch, 3), [0.0, 1.57, 0.0], [-1.0, 3.0, 0.0], [0.0, 0.5 * math.pi, 0.0]),
-        (YawDrive(TURBINE.nacelle.max_yaw_rate), 0.2, 1.0, [0.2 + 0.1 * math.radians(0.3)]),
-        (YawDrive(TURBINE.nacelle.max_yaw_rate), 0.2, -0.002, [0.2 - 0.1 * 0.002]),
-        (TorqueCommand(DRIVE), 30e3, 1e9, [31.5e3]),
-        (TorqueCommand(DRIVE), 30e3, -1e9, [28.5e3]),
-        (TorqueCommand(DRIVE), 47e3, 1e9, [47402.91]),
-        (TorqueCommand(DRIVE), 1e3, -1e9, [0.0]),
-    ],
-)
-def test_drives_keep_their_limits(law, start, demand, expected):
-    """8 deg/s from 0 to 90 deg, 0.3 deg/s, 15 kN m/s up to 47 402.91 N m (NREL/TP-500-38060)."""
-    command = law.first(start, RATED)
-    law.follow(command, demand, 0.1, RATED)
-    np.testing.assert_allclose(command, expected, rtol=1e-6)
 
 
 def test_limits_of_rate_and_torque_hold_with_a_lag_too():

@@ -283,14 +283,11 @@ def test_mirrored_world(name):
     for side in (1.0, -1.0):
         current = (0.3, side * 0.2) if name == "oc4_semi" else (0.0, 0.0)  # where something has drag
         sea = WaveComponents([0.5, 0.62], [1.5, 1.0], [0.4, 2.0], [side * 0.5, side * 2.1], current=current)
-        motions.append(RigidFloater(name).run(20.0, side_of(side), sea)[1])
+        start = np.array([4.0, side * 3.0, 0.5, side * 0.02, -0.03, side * 0.05])
+        motions.append(RigidFloater(name).run(20.0, start, sea)[1])
     sign = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     np.testing.assert_allclose(motions[0], motions[1] * sign, atol=1e-4 * np.abs(motions[0]).max(axis=0).min())
     assert np.abs(motions[0]).max(axis=0).min() > 1e-3
-
-
-def side_of(side):
-    return np.array([4.0, side * 3.0, 0.5, side * 0.02, -0.03, side * 0.05])
 
 
 def test_world_turned_by_a_third():

@@ -6,7 +6,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401
 from wt_gym.analysis.metrics import LIFETIME_COST_WEIGHTS
 from wt_gym.envs.turbine_env import turbine_env_of
 from wt_gym.experiment.agents import ConstantAgent

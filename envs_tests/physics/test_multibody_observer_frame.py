@@ -85,8 +85,9 @@ def test_matrices_are_the_inertia_of_the_mass_points(n_modes):
     point = center + x @ (skew(alpha) + w @ w).T + 2.0 * (shape @ v) @ w.T + shape @ a
     expected = np.einsum("p,pin,pi->n", body.beam.particle_mass, shape, point)
     np.testing.assert_allclose(obtained, expected, atol=1e-9 * np.abs(expected).max() + 1e-12 * np.abs(forces).max())
-    by_parts = body.mass_matrix @ a + 2.0 * body.gyroscopic_matrix(omega) @ v
-    by_parts += (body.gyroscopic_matrix(alpha) + body.centrifugal_matrix(omega)) @ q + body.first_moment @ center
+    squares = np.array([*(omega * omega - omega @ omega), *(omega[[0, 0, 1]] * omega[[1, 2, 2]])])
+    by_parts = body.mass_matrix @ a + 2.0 * np.einsum("k,kij,j->i", omega, body.gyro, v) + body.first_moment @ center
+    by_parts += np.einsum("k,kij,j->i", alpha, body.gyro, q) + np.einsum("k,kij,j->i", squares, body.second, q)
     by_parts += body.reference_moment @ (skew(alpha) + w @ w).ravel()
     np.testing.assert_allclose(by_parts, expected, atol=1e-9 * np.abs(expected).max())
 

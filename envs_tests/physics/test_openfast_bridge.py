@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from openfast_library import flown, openfast_library
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import SimulationError
 from wt_gym.bridges.openfast import VARIABLE, OpenFASTSimulator
 from wt_gym.bridges.openfast.model import tower_sections

@@ -15,8 +15,9 @@ from wt_gym.multibody.integrators.schemes import make_integrator
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Fidelity, Simulator
 from wt_gym.simulation.fidelity import ELASTODYN_NREL_5MW_TOWER, choose_fidelity, rated_tip_twist, tip_twist
+from wt_gym.simulation.turbine_structure import add_sub_bodies
 from wt_gym.structure.beam import Beam, BeamSections
-from wt_gym.structure.substructure import add_chain, cut_beam
+from wt_gym.structure.substructure import cut_beam
 from wt_gym.turbine_records import RECORDS
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow
@@ -181,7 +182,8 @@ def spinning_chain():
     sections = BeamSections.uniform(10.0, EA=1e8, EIx=2e5, EIy=1e5, GJ=1e5, mass=8.0, Ix=0.1, Iy=0.1)
     system = MultibodySystem()
     sub_bodies = cut_beam("rod", sections, 6, 3, "nodal", dofs=(0, 1, 3, 4, 5))
-    add_chain(system, sub_bodies, Joint("revolute", axis=(1.0, 0.0, 0.0), name="turn"))
+    turn = Joint("revolute", axis=(1.0, 0.0, 0.0), name="turn")
+    add_sub_bodies(system, sub_bodies, lambda body: system.add(body, turn), "rod")
     return system.build()
 
 

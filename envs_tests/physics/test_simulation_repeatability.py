@@ -12,7 +12,6 @@ import gymnasium
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.compiled import way_to_compile
 from wt_gym.simulation import FIDELITIES, Fidelity, Simulator, SimulatorState
 from wt_gym.simulation.contract import fingerprint

@@ -14,7 +14,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import ActionError, SimulationError, TurbineDefinitionError
 from wt_gym.bridges.compiler import find_compiler
 from wt_gym.bridges.openfast import (

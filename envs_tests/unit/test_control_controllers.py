@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 from wt_gym.base.errors import ControllerError
 from wt_gym.base.quantities import wrapped
-from wt_gym.control import Demand, LowPass, Notch
+from wt_gym.control import Demand, Notch
 from wt_gym.control.bladed.records import channels_read
 from wt_gym.control.controllers import (
     COMPILED,
@@ -168,21 +168,6 @@ def test_coordinates_of_the_fixed_frame_and_back(n_blades):
     blades = to_blades((5.0, 2.0, -3.0), 0.7, n_blades)
     assert to_fixed_frame([blades, blades], 0.7) == pytest.approx(np.array([[5.0, 2.0, -3.0]] * 2))
     assert harmonic_of_blades(2.0, -3.0, 0.7, n_blades) == pytest.approx([blade - 5.0 for blade in blades])
-
-
-def test_fade(turbine):
-    fade = additions.AboveRated.of_turbine(
-        turbine, additions.FadeParameters(pitch=(0.01, 0.05), speed=(0.8, 0.9), time_constant=5.0)
-    )
-    fade.start(0.0)
-    low_pass = LowPass(5.0)
-    low_pass.reset(0.0)
-    x = (low_pass.update(0.2, 0.5) - 0.01) / 0.04
-    assert fade.update(np.full(3, 0.2), RATED, 0.5) == pytest.approx(x * x * (3 - 2 * x))
-    assert fade.update(np.full(3, 0.2), 0.79 * RATED, 0.5) == 0.0
-    for _ in range(200):
-        share = fade.update(np.full(3, 0.2), RATED, 0.5)
-    assert share == 1.0
 
 
 def test_a_fade_by_its_end(turbine):

@@ -7,7 +7,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401 - registers the ids
 from wt_gym.bridges.openfast import PointLidar
 from wt_gym.control import Lidar
 from wt_gym.control.bladed.records import channels_read, new_swap, write_lidar

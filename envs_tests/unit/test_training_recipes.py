@@ -3,7 +3,6 @@
 import gymnasium as gym
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands.train import configuration
 from wt_gym.learning.hyperparameters import recipe_file, recipe_names

@@ -7,7 +7,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.control.controllers.own import FOUND
 from wt_gym.control.rotor import RotorTable, _stored
 from wt_gym.turbine_records import FOLDER, RECORDS, read_records

@@ -92,17 +92,6 @@ def test_files_that_do_not_fit_are_never_kept(cache, tmp_path):
     assert not cache.exists()
 
 
-@pytest.mark.parametrize("text", ["[1]", "", "[" * 100_000])
-def test_what_is_no_turbine_is_read_anew(cache, text, caplog):
-    """Even where it bears out its own digest."""
-    file_cache._store(CONTENT, DATA)
-    (path,) = cache.iterdir()
-    path.write_text(f"{hashlib.sha256(text.encode()).hexdigest()}\n{text}")
-    with caplog.at_level(logging.WARNING, file_cache.__name__):
-        assert file_cache._cached(CONTENT) is None
-    assert "made again" in caplog.text
-
-
 def test_a_cache_of_nobody_is_none(monkeypatch):
     monkeypatch.setenv("WT_GYM_CACHE", "~no_such_user_here/cache")
     file_cache._store(CONTENT, DATA)

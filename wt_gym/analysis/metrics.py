@@ -63,18 +63,13 @@ _FACTORS = {
 """From SI to the units of the table of metrics."""
 
 
-def _read_metrics() -> dict[str, Metric]:
-    """Metrics of the file; their share is 0 or 1."""
-    return {
-        row["name"]: Metric(
-            row["label"], row["unit"], _FACTORS[row["unit"]], int(row["better"]), int(row["digits"]),
-            row["over_winds"], row["share"] == "1",
-        )
-        for row in read_rows(Path(__file__).with_name("metrics.csv"))
-    }  # fmt: skip
-
-
-METRICS = _read_metrics()
+METRICS = {
+    row["name"]: Metric(
+        row["label"], row["unit"], _FACTORS[row["unit"]], int(row["better"]), int(row["digits"]),
+        row["over_winds"], row["share"] == "1",
+    )
+    for row in read_rows(Path(__file__).with_name("metrics.csv"))
+}  # fmt: skip
 TRACKING_METRICS = tuple(METRICS)[tuple(METRICS).index("tracking_rms") :]
 """Metrics that only runs with a power reference have."""
 PLATFORM_METRICS = ("platform_pitch_mean", "platform_pitch_std", "platform_tilt_max")

@@ -49,7 +49,8 @@ class Renderer(Term):
         else:
             self._figure = Figure(**shape)
             self._canvas = FigureCanvasAgg(self._figure)
-        self._build_scene(turbine)
+        self._scene = Scene(self._figure.add_axes((0.0, 0.0, 0.62, 0.93)), turbine)
+        self._label = self._figure.text(0.02, 0.965, "", color=INK, fontsize=11, va="top")
         self._build_strips(turbine)
 
     def __getstate__(self) -> tuple[Any, ...]:
@@ -132,10 +133,6 @@ class Renderer(Term):
             self._canvas.flush_events()
             return None
         return np.array(self._canvas.buffer_rgba())[..., :3].copy()
-
-    def _build_scene(self, turbine: Turbine) -> None:
-        self._scene = Scene(self._figure.add_axes((0.0, 0.0, 0.62, 0.93)), turbine)
-        self._label = self._figure.text(0.02, 0.965, "", color=INK, fontsize=11, va="top")
 
     def _build_strips(self, turbine: Turbine) -> None:
         drivetrain = turbine.drivetrain

@@ -10,7 +10,6 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.canary import differing
 from wt_gym.base.files import json_values
 from wt_gym.control.controllers import make_controller, supervisor_of

@@ -20,10 +20,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, field
 from multiprocessing.process import BaseProcess
 from typing import TYPE_CHECKING, Any, Self, cast
+
+from wt_gym.base.processes import with_variables
 
 if TYPE_CHECKING:
     from wt_gym.experiment.store import RunStore
@@ -85,7 +87,6 @@ class Progress:
     def __init__(self, shown: bool = False):
         self._line, self._start = ProgressLine(shown), time.monotonic()
         self._total = self._stored = self._done = 0
-        self._row, self._row_start = "", 0.0
 
     def begin(self, total: int, stored: int) -> None:
         """Take the number of rows and that of those whose results are stored already."""
@@ -321,7 +322,7 @@ class ProcessExecutor(Executor):
         with ExitStack() as pools:
             pools.callback(reader.close)
             pools.callback(writer.close)
-            pools.enter_context(_one_thread())
+            pools.enter_context(with_variables(ONE_THREAD))
             free = [pool() for _ in range(min(self.workers, len(rows)))]
             try:
                 while left or running:
@@ -413,18 +414,6 @@ def _begin(messages: multiprocessing.connection.Connection) -> None:
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the one that gives work decides
     threading.Thread(target=end, daemon=True).start()
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Have processes that start meanwhile compute in one thread."""
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(ONE_THREAD)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
 
 
 # ---- Ray, in the extra "ray" ----

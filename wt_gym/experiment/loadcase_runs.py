@@ -42,7 +42,7 @@ from wt_gym.experiment.options import ClimateOptions
 from wt_gym.experiment.run import LEAST_MEASURED, benchmark_fingerprint, play, run_controller
 from wt_gym.experiment.store import RUNS_FOLDER, RunStore, run_definition
 from wt_gym.simulation import Fidelity, Recorder, Simulator
-from wt_gym.simulation.drivetrain.faults import FEATHER
+from wt_gym.simulation.drivetrain.faults import FEATHER, ShutDown
 from wt_gym.tasks import DEFAULT_ENV
 from wt_gym.turbines import Turbine
 from wt_gym.turbines.variants import unloaded_clearance
@@ -89,8 +89,8 @@ def run_agent(env: gym.Env, agent: Agent, situation: DesignSituation) -> dict[st
         found = play(env, agent, seed=seed, options=options, duration=situation.duration)
     except SimulationError as error:
         return _nothing(str(error))
-    ending, stops = found.ending, situation.stops_at
-    if ending == "standstill" and stops is not None and plain.signals["time"] > stops:
+    ending, time = found.ending, plain.signals["time"]
+    if ending == "standstill" and any(isinstance(f, ShutDown) and time > f.time for f in situation.faults):
         ending = "stopped"
     return _result(found.data, plain.turbine, situation, ending, found.failure)
 

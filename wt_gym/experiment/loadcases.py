@@ -84,11 +84,6 @@ class DesignSituation:
         return self.wind == "EWM"
 
     @property
-    def stops_at(self) -> float | None:
-        """When a shut-down begins [s]."""
-        return min((fault.time for fault in self.faults if isinstance(fault, ShutDown)), default=None)
-
-    @property
     def group(self) -> tuple[str, float, str]:
         """Of what this is one realization, among others with other seeds, directions and azimuths."""
         return self.wind, self.speed, self.label

@@ -56,16 +56,10 @@ class Condition:
         return {} if self.name == NOMINAL else {"variation": self.variation.as_dict()}
 
 
-def _read_conditions() -> dict[str, Condition]:
-    """Conditions of the file."""
-    tables = read_toml(Path(__file__).with_suffix(".toml"))
-    return {
-        name: Condition(name, one["text"], Variation(**one.get("variation", {})), one.get("fault", ""))
-        for name, one in tables.items()
-    }
-
-
-_ALL = _read_conditions()
+_ALL = {
+    name: Condition(name, one["text"], Variation(**one.get("variation", {})), one.get("fault", ""))
+    for name, one in read_toml(Path(__file__).with_suffix(".toml")).items()
+}
 """Those without and with a fault, by name."""
 CONDITIONS = {name: one for name, one in _ALL.items() if not one.fault}
 """Conditions without a fault."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -12,6 +10,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 import wt_gym
+from wt_gym.base.processes import with_variables
 from wt_gym.envs.episode import episode_steps
 from wt_gym.envs.layout import layout_of
 from wt_gym.experiment.agents import UniformAgent, load_agent, load_model
@@ -19,7 +18,7 @@ from wt_gym.experiment.environments import check_environment
 from wt_gym.experiment.names import env_choices_of, read_name
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from minari import MinariDataset
     from numpy.typing import NDArray
@@ -87,7 +86,7 @@ def _write(
     from minari.data_collector.episode_buffer import EpisodeBuffer
 
     spec = cast(EnvSpec, env.spec)  # of an environment that gymnasium.make has made
-    with _datasets_in(folder):
+    with with_variables({_ROOT: str(folder)}):  # where Minari reads its root
         return minari.create_dataset_from_buffers(
             config.dataset_id,
             [EpisodeBuffer(id=k, seed=config.seed + k, **episode) for k, episode in enumerate(played)],
@@ -98,18 +97,6 @@ def _write(
             requirements=[f"wt_gym=={wt_gym.__version__}"],
             description=f"{config.agent} in {spec.id}, {len(played)} episodes, noise {config.noise:g} on actions",
         )
-
-
-@contextmanager
-def _datasets_in(folder: Path) -> Iterator[None]:
-    """Minari's root for a while, which it reads from the variables of the process."""
-    before = {name: value for name, value in os.environ.items() if name == _ROOT}
-    os.environ[_ROOT] = str(folder)
-    try:
-        yield
-    finally:
-        os.environ.pop(_ROOT)
-        os.environ.update(before)
 
 
 def _agent(config: DatasetConfig) -> tuple[str, dict[str, Any], Callable[[gym.Env], Agent]]:

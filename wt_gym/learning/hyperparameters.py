@@ -11,7 +11,6 @@ from typing import Any
 import gymnasium as gym
 import yaml
 
-import wt_gym  # noqa: F401 - registers the environments
 from wt_gym.base.errors import did_you_mean
 from wt_gym.base.files import shipped_folder
 from wt_gym.base.options import Options, option, option_record, options_of, real_number, word_value

@@ -590,7 +590,7 @@ class MultibodySystem:
             q, u = self._index[second]["joint_q"], self.n_q + self._index[second]["joint_u"]
             rotation = work.frame_rot[0]
             y[q : q + 3] = work.frame_r[0] - rotation @ marker.position
-            y[q + 3 : q + 7] = _quaternion(rotation)
+            y[q + 3 : q + 7] = Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]]  # scalar first
             y[u + 3 : u + 6] = rotation.T @ work.frame_w[0]
             y[u : u + 3] = work.frame_v[0] - np.cross(work.frame_w[0], rotation @ marker.position)
 
@@ -599,11 +599,6 @@ class MultibodySystem:
         self.require_built()
         energies = output_kernels.energies(check_state(self, y), self.tree, self.new_work())
         return cast("tuple[float, float, float]", energies)
-
-
-def _quaternion(rotation: Array) -> Array:
-    """Scalar-first unit quaternion of a rotation matrix."""
-    return np.asarray(Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]])
 
 
 def _across(axis: Array) -> Array:

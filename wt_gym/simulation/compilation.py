@@ -61,7 +61,9 @@ def compile_once(
         if _under_way or coupling.was_compiled():
             return
         _announce(coupling, turbine)
-        if usable_cores() > 1 and get_executable() and not _is_worker():
+        # one of many processes, which all begin at once, or another one that was told to compile alone
+        is_worker = multiprocessing.parent_process() is not None or COMPILE_ALONE in os.environ
+        if usable_cores() > 1 and get_executable() and not is_worker:
             with_help(turbine, fidelity)
 
 
@@ -89,11 +91,6 @@ def _announce(coupling: type[Coupling], turbine: Turbine) -> None:
     if (coupling, turbine.name) not in _announced:
         _announced.add((coupling, turbine.name))
         _log.warning("compiling the simulator of %s: a minute or two, once on this machine", turbine.name)
-
-
-def _is_worker() -> bool:
-    """One of many processes, which all begin at once, or another one that was told to compile alone."""
-    return multiprocessing.parent_process() is not None or COMPILE_ALONE in os.environ
 
 
 def _restart() -> None:
@@ -147,7 +144,8 @@ def compile_ahead(simulator: type[_Simulator], turbine: Turbine, fidelity: str |
         coupling = simulator(turbine, SteadyInflow(8.0), fidelity).coupling
         compile_structure(coupling)
         if helper is not None:
-            _wait_for_air(helper)
+            air = cast(IO[bytes], helper.stdout)
+            next((line for line in air if line == _AIR_IS_READY), None)  # or the helper has ended
         if coupling.models.lattice.split is None:
             coupling.compiled_step()
         if helper is not None and helper.wait():
@@ -179,13 +177,6 @@ def _help(turbine: Turbine, fidelity: str | Fidelity) -> Iterator[subprocess.Pop
             yield helper
         finally:
             helper.kill()  # nothing, if it has ended
-
-
-def _wait_for_air(helper: subprocess.Popen[bytes]) -> None:
-    """Until the helper has compiled the air, or has ended."""
-    for line in cast(IO[bytes], helper.stdout):
-        if line == _AIR_IS_READY:
-            return
 
 
 def help_to_compile(simulator: type[_Simulator]) -> None:

@@ -62,17 +62,8 @@ class TurbineSimulator(Protocol):
         @property
         def time(self) -> float: ...
 
-        @property
-        def inflow(self) -> Inflow: ...
-
-        @inflow.setter
-        def inflow(self, inflow: Inflow) -> None: ...
-
-        @property
-        def faults(self) -> tuple[DriveFault, ...]: ...
-
-        @faults.setter
-        def faults(self, faults: tuple[DriveFault, ...]) -> None: ...
+        inflow: Inflow
+        faults: tuple[DriveFault, ...]
 
     def reset(  # noqa: PLR0913
         self,

@@ -149,10 +149,6 @@ class DeformedBasis:
         omega = np.mean([work.omega[b] for b in blades], axis=0)
         return u, omega, np.mean([f @ work.rot[b] for f, b in zip(forces, blades, strict=True)], axis=0)
 
-    def tangent_of(self, y: Array, work: Work, forces: Array) -> tuple[Array, Array]:
-        """K_t and M_t (n_dof, n_dof) in a state; arguments as for `update`, with the newest state."""
-        return self.tangent.matrices(*self._mean(y, work, forces))
-
     def update(self, history: History, loads: Sequence[Array], work: Work, forces: Array) -> None:
         """New modes about the current state, which passes over to them.
 

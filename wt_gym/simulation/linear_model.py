@@ -174,7 +174,7 @@ class LinearModel:
         memory of the water have the names of its states, "radiation_surge_1".
         """
         coordinates = _coordinates(self.state_names)
-        drives = {name for name in coordinates if _is_drive(name)}
+        drives = {name for name in coordinates if name == "yaw" or name.startswith("pitch")}
         keep = [i for i, name in enumerate(self.state_names) if name.removesuffix("_rate") not in drives]
         free = [name for name in coordinates if name not in drives]
         values, right = np.linalg.eig(self.A[np.ix_(keep, keep)])
@@ -246,10 +246,6 @@ def _coordinates(state_names: Sequence[str]) -> list[str]:
         if base not in names:
             names.append(base)
     return names
-
-
-def _is_drive(name: str) -> bool:
-    return name == "yaw" or name.startswith("pitch")
 
 
 def _places(names: Sequence[str], chosen: str | Iterable[str] | None, kind: str) -> list[int]:

@@ -13,7 +13,7 @@ reference axis at the cut. Arc lengths are those of the whole beam throughout.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol, TypeVar, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,16 +22,6 @@ from wt_gym.base.quantities import Array, Integers
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody, Marker, offset_marker
 from wt_gym.structure.modes import ALL_DOFS, lowest_modes, nodal_basis
-
-J = TypeVar("J", contravariant=True)
-"""A joint: the multibody system knows what one is, this module does not."""
-
-
-class SystemOfBodies(Protocol[J]):
-    """What takes bodies that hang on one another, such as ``MultibodySystem``."""
-
-    def add(self, body: FlexibleBody, joint: J, parent: int | None = None, marker: str = "origin") -> int:
-        """Add a body by a joint to a marker of an earlier one; its index."""
 
 
 @dataclass(frozen=True)
@@ -166,36 +156,6 @@ def tip_and_interior_modes(beam: Beam, n_modes: int, dofs: Sequence[int] = ALL_D
     vibration = np.zeros((beam.n_dof, n_modes))
     vibration[interior] = lowest_modes(beam.stiffness[inner], beam.mass[inner], n_modes)[1]
     return np.hstack([static, vibration])
-
-
-def add_chain(
-    system: SystemOfBodies[J],
-    sub_bodies: Sequence[SubBody],
-    joint: J,
-    parent: int | None = None,
-    marker: str = "origin",
-) -> tuple[int, ...]:
-    """Add the sub-bodies of a cut beam to a multibody system, each fixed to the tip of the one before.
-
-    Parameters
-    ----------
-    sub_bodies : sequence of SubBody
-        From root to tip.
-    joint : Joint
-        Carries the first sub-body.
-    parent, marker
-        Where that joint sits, as for ``MultibodySystem.add``.
-
-    Returns
-    -------
-    tuple of int
-        Body indices.
-    """
-    fixed = type(joint)()  # a joint without arguments is rigid
-    index = [system.add(sub_bodies[0].body, joint, parent, marker)]
-    for sub_body in sub_bodies[1:]:
-        index.append(system.add(sub_body.body, fixed, index[-1], "tip"))
-    return tuple(index)
 
 
 def sub_body_at(sub_bodies: Sequence[SubBody], s: float) -> int:

@@ -159,12 +159,6 @@ def _life_time_table(shear: float) -> tuple[Array, Array]:
     return np.log(k), np.log(life_time(k, shear))
 
 
-def _life_time(wave_number: Array, shear: float) -> Array:
-    if shear == 0.0:
-        return np.zeros_like(wave_number)
-    return np.exp(np.interp(np.log(wave_number), *_life_time_table(shear)))
-
-
 def distortion(k1: Array, k2: Array, k3: Array, beta: Array) -> tuple[Array, Array, Array, Array]:
     """What shearing has done to a wave: k₃ before it, ζ₁, ζ₂ and the factor k₀²/k² (Mann 1994, equations 3.12 to 3.18).
 
@@ -200,7 +194,8 @@ def spectral_tensor(k1: ArrayLike, k2: ArrayLike, k3: ArrayLike, shear: float) -
         Shape (..., 6): uu, vv, ww, uv, uw, vw. Real: the model has no helicity.
     """
     k1, k2, k3 = np.broadcast_arrays(*(np.asarray(k, dtype=np.float64) for k in (k1, k2, k3)))
-    beta = _life_time(np.sqrt(k1**2 + k2**2 + k3**2), shear)
+    size = np.sqrt(k1**2 + k2**2 + k3**2)
+    beta = np.zeros_like(size) if shear == 0.0 else np.exp(np.interp(np.log(size), *_life_time_table(shear)))
     k30, zeta1, zeta2, factor = distortion(k1, k2, k3, beta)
     level = k1**2 + k2**2
     k0_squared = level + k30**2

@@ -13,10 +13,11 @@ from wt_gym.base.errors import WtGymError
 from wt_gym.multibody.arrays import MultibodyError
 from wt_gym.multibody.integrators.schemes import HammingIntegrator
 from wt_gym.multibody.system import Joint, MultibodySystem
+from wt_gym.simulation.turbine_structure import add_sub_bodies
 from wt_gym.structure.beam import Beam, BeamSections, skew
 from wt_gym.structure.flexible_body import FlexibleBody
 from wt_gym.structure.modes import ALL_DOFS, body_from_beam, circular_sections, clamped_modes, select_modes
-from wt_gym.structure.substructure import add_chain, cut_beam
+from wt_gym.structure.substructure import cut_beam
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.blade import inertia_matrix
 
@@ -168,10 +169,6 @@ class BarChain:
         bend = self.spring * np.diff(theta, prepend=0.0)
         return -bend + np.append(bend[1:], 0.0)
 
-    def load_moment(self, theta: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Moments (n,) of dead transverse forces (n,) at the outer ends of the bars."""
-        return np.cumsum(force[::-1])[::-1] * self.bar * np.cos(theta)
-
     def tip(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Transverse and axial position of the tip for angles (..., n)."""
         return self.bar * np.sin(theta).sum(axis=-1), self.bar * np.cos(theta).sum(axis=-1)
@@ -202,7 +199,7 @@ class BarChain:
             matrix = self._coupling * np.cos(difference)
             moment = self.elastic_moment(angle) - (self._coupling * np.sin(difference)) @ speed**2
             if force is not None:
-                moment = moment + self.load_moment(angle, force)
+                moment = moment + np.cumsum(force[::-1])[::-1] * self.bar * np.cos(angle)  # of dead transverse forces
             return np.concatenate([speed, np.linalg.solve(matrix, moment)])
 
         start = np.concatenate([theta, np.zeros(n)])
@@ -383,7 +380,7 @@ BATHE = "Bathe & Bolourchi 1979, Int. J. Numer. Methods Eng. 14, 961–986; Simo
 def chain_with_tip(sub_bodies):
     """System of a cut beam with a massless body on its tip that takes tip loads; body indices of pieces and tip."""
     system = MultibodySystem((0.0, 0.0, 0.0))
-    bodies = add_chain(system, sub_bodies, Joint("fixed"))
+    bodies = add_sub_bodies(system, sub_bodies, lambda body: system.add(body, Joint("fixed")), "beam")
     tip = system.add(FlexibleBody.rigid("tip", 0.0, np.zeros(3), np.zeros((3, 3))), Joint("fixed"), bodies[-1], "tip")
     return system.build(), bodies, tip
 
@@ -533,7 +530,9 @@ class LoadedBlade:
     def __init__(self, sections, n_bodies, elements=16, dofs=(0, 1, 3, 4, 5), n_modes=0, damping=0.0):
         self.sub_bodies = cut_beam("blade", sections, elements, n_bodies, "modal", n_modes, dofs, damping)
         self.system = MultibodySystem((0.0, 0.0, 0.0))
-        self.bodies = add_chain(self.system, self.sub_bodies, Joint("fixed"))
+        self.bodies = add_sub_bodies(
+            self.system, self.sub_bodies, lambda body: self.system.add(body, Joint("fixed")), "blade"
+        )
         self.system.build()
         length = sections.station[-1] - sections.station[0]
         edges = np.linspace(0.0, length, N_STATIONS + 1)

@@ -515,12 +515,6 @@ def kicked_motion(turbine, rotor_speed):
     return TIME_STEP * np.arange(len(motion)), motion / np.abs(motion).max(axis=0)
 
 
-def _least_damped(turbine, rotor_speed) -> complex:
-    """Growth [1/s] and circular frequency [rad/s] of the least damped mode, after the others have faded."""
-    time, motion = kicked_motion(turbine, rotor_speed)
-    return dominant_mode(time, motion, start=FADING)
-
-
 def unloaded_pitch(simulator, rotor_speed):
     """Pitch [rad] without thrust, from a steady state at a rotor speed [rad/s]: blades then bend neither way."""
 
@@ -554,7 +548,9 @@ def rotor_flutter() -> CaseResult:
     for name, speeds in ROTOR_SPEEDS.items():
         turbine = load_turbine(name)
         rated = turbine.drivetrain.rated_rotor_speed * 30.0 / np.pi
-        modes = np.array([_least_damped(turbine, rpm * np.pi / 30.0) for rpm in speeds])
+        motions = [kicked_motion(turbine, rpm * np.pi / 30.0) for rpm in speeds]
+        # of the least damped mode, after the others have faded
+        modes = np.array([dominant_mode(time, motion, start=FADING) for time, motion in motions])
         lines += [
             f"{name} {rpm:6.2f} rpm ({rpm / rated:.2f} rated): {mode.imag / (2.0 * np.pi):.2f} Hz, growth "
             f"{mode.real:+.2f} 1/s, damping ratio {-mode.real / abs(mode):+.4f}"

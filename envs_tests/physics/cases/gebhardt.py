@@ -647,7 +647,8 @@ def frequencies_in(simulator):
     coupling, structure = simulator.coupling, simulator.structure
     present = DeformedBasis(coupling.models)
     coupling.move_lattice(coupling.integrator.state)
-    stiffness, mass = present.tangent_of(coupling.integrator.state, coupling.integrator.work, coupling.blade_forces)
+    means = present._mean(coupling.integrator.state, coupling.integrator.work, coupling.blade_forces)
+    stiffness, mass = present.tangent.matrices(*means)
     basis = structure.blade_field[1]
     k, m = basis.T @ stiffness @ basis, basis.T @ mass @ basis
     value, vector = np.linalg.eig(np.linalg.solve(m, k))

@@ -16,10 +16,10 @@ from wt_gym.multibody.observer_frame.observer_frame_from_system import observer_
 from wt_gym.multibody.observer_frame.observer_frame_integrator import ObserverFrameIntegrator
 from wt_gym.multibody.system import Joint, MultibodySystem
 from wt_gym.simulation import FIDELITIES, Simulator
-from wt_gym.simulation.turbine_structure import tower_beam
+from wt_gym.simulation.turbine_structure import add_sub_bodies, tower_beam
 from wt_gym.structure.beam import Beam, BeamSections
 from wt_gym.structure.flexible_body import FlexibleBody, without_second_order
-from wt_gym.structure.substructure import add_chain, cut_beam
+from wt_gym.structure.substructure import cut_beam
 from wt_gym.turbines import load_turbine
 from wt_gym.wind import SteadyInflow, TurbulenceBox, TurbulentInflow
 
@@ -55,11 +55,15 @@ def chain(what, n_sub_bodies, linear=True):
     turned = FlexibleBody.rigid("hub", 10.0, np.zeros(3), np.diag([2.0, 1.5, 1.5]))
     drive = Joint("fixed") if tower else Joint("servo", (1.0, 0.0, 0.0), servo_frequency=1.0, name="spin")
     hub = system.add(turned, drive)
-    bodies = add_chain(system, sub_bodies, Joint(), hub)
+    bodies = add_sub_bodies(system, sub_bodies, lambda body: system.add(body, Joint(), hub), what)
     if tower:
         top = FlexibleBody.rigid("top", TOP, np.zeros(3), 1e6 * np.eye(3))
         system.add(top, Joint(), bodies[-1], "tip")
-    return system.build(), {p.body.name: (p.beam, p.basis) for p in sub_bodies}, bodies
+    return (
+        system.build(),
+        {system.bodies[b].name: (p.beam, p.basis) for b, p in zip(bodies, sub_bodies, strict=True)},
+        bodies,
+    )
 
 
 def inputs_of(system, speed):

@@ -147,11 +147,6 @@ def tjaereborg_rotor(options: AeroOptions) -> RigidRotor:
     return RigidRotor(planform, 3, ROOT, TIP, 0.0, AIR_DENSITY)
 
 
-def tjaereborg_elements() -> BladeElementRotor:
-    """Three blades of blade-element theory."""
-    return BladeElementRotor(3, ROOT, TIP - ROOT, TIP, 0.0, AIR_DENSITY, chord, twist, polar)
-
-
 def pitch_steps(options: AeroOptions, settling: float = 50.0, duration: float = 60.0) -> Response:
     """Run test II.4 on the lattice; the way back begins at 30 s."""
     return respond(
@@ -214,7 +209,8 @@ def tjaereborg() -> CaseResult:
         "12 turns, open": pitch_steps(long_wake(12.0, 24)),
     }
     checks = [check for name, run in runs.items() for check in _published_bounds(name, run)]
-    element = DynamicRotor(tjaereborg_elements()).respond(
+    blades = BladeElementRotor(3, ROOT, TIP - ROOT, TIP, 0.0, AIR_DENSITY, chord, twist, polar)
+    element = DynamicRotor(blades).respond(
         lambda time: TJAEREBORG_WIND + 0.0 * time, PITCH_TEST, TJAEREBORG_SPEED, 60.0
     )
     runs["blade elements with Øye's filter"] = element

@@ -278,7 +278,10 @@ class BodySet:
         self._elimination = np.zeros(n, dtype=np.int64), np.zeros((n, 4)), np.zeros((4, n))
         self._frames, self._bent = np.full((len(bodies), 3, 4), np.nan), False
         self.place(np.tile(np.eye(3), (len(bodies), 1, 1)), np.zeros((len(bodies), 3)))
-        self._check_apart()
+        # no control point may lie in another body: the flux of a uniformly strong surface tells inside and outside
+        for (name, mine), (other, theirs) in permutations(zip(self.names, self._panels(), strict=True), 2):
+            if _inside(self.arrays.corners[theirs], self.arrays.center[:, mine].T).any():
+                raise AerodynamicsError(f"the bodies {name} and {other} intersect")
 
     @property
     def n_panels(self) -> int:
@@ -431,13 +434,6 @@ class BodySet:
         a.far[panels] = np.column_stack(
             [area, q[:, 0, 0], q[:, 1, 1], q[:, 2, 2], q[:, 0, 1], q[:, 1, 2], q[:, 2, 0], 4.0 * np.pi * near]
         ) / (4.0 * np.pi)
-
-    def _check_apart(self) -> None:
-        """No control point may lie in another body: the flux of a uniformly strong surface tells inside and outside."""
-        parts, a = list(zip(self.names, self._panels(), strict=True)), self.arrays
-        for (name, mine), (other, theirs) in permutations(parts, 2):
-            if _inside(a.corners[theirs], a.center[:, mine].T).any():
-                raise AerodynamicsError(f"the bodies {name} and {other} intersect")
 
 
 def _inside(corners: Array, points: Array) -> NDArray[np.bool_]:

@@ -57,13 +57,10 @@ class Record:
     meaning: str
 
 
-def _read_records() -> tuple[Record, ...]:
-    """Records of the file."""
-    rows = read_rows(Path(__file__).with_name("records.csv"))
-    return tuple(Record(tuple(map(int, row.pop("numbers").split())), **row) for row in rows)
-
-
-RECORDS = _read_records()
+RECORDS = tuple(
+    Record(tuple(map(int, row.pop("numbers").split())), **row)
+    for row in read_rows(Path(__file__).with_name("records.csv"))
+)
 """Records that are exchanged; every other one is zero."""
 
 AZIMUTH = 60 - 1

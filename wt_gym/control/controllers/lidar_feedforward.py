@@ -145,7 +145,9 @@ class LidarFeedforward:
             self._seen.append(seen)
         ahead = 1.0 / self.wavenumber - max(self._travel_speed.value, 0.0) * self.delay
         places = [self._traveled - (gate - ahead) for gate in self.lidar.ranges]
-        self._drop(min(places))
+        old = bisect_left(self._at, min(places)) - 1  # the last reading before all places is still needed
+        if old > 0:
+            del self._at[:old], self._seen[:old]
         return self._mean([self._read(k, place) for k, place in enumerate(places)])
 
     def _read(self, gate: int, place: float) -> float:
@@ -156,12 +158,6 @@ class LidarFeedforward:
             return seen[max(k - 1, 0)][gate]
         part = (place - at[k - 1]) / (at[k] - at[k - 1])
         return seen[k - 1][gate] + part * (seen[k][gate] - seen[k - 1][gate])
-
-    def _drop(self, place: float) -> None:
-        """Forget readings older than the last before a place."""
-        old = bisect_left(self._at, place) - 1
-        if old > 0:
-            del self._at[:old], self._seen[:old]
 
     def _pitch_in(self, wind: float) -> float:
         return float(np.interp(wind, self.winds, self.steady_pitch))

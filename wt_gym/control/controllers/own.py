@@ -75,10 +75,6 @@ def _has_torque_curve(turbine: Turbine) -> bool:
     return not tracks_tip_speed_ratio(turbine)
 
 
-def _floats(turbine: Turbine) -> bool:
-    return turbine.floater is not None
-
-
 @lru_cache(maxsize=8)
 def on_land(turbine: Turbine) -> Turbine:
     """A floating turbine with the control data of the turbine of the catalog that has its rotor and stands on land.
@@ -147,7 +143,7 @@ class OwnOptions(Options):
     )  # fmt: skip
     land_gains: bool = option(
         "use of the controller of the turbine of the catalog with the same rotor on land, whose speed loop drives a "
-        "platform", default=False, unit="-", only_of=_floats,
+        "platform", default=False, unit="-", only_of=lambda turbine: turbine.floater is not None,
     )  # fmt: skip
     constant_power: bool | None = option(
         "torque above rated that holds the power; else it is rated torque", default=None, unit="-",
@@ -292,11 +288,6 @@ FOUND: dict[str, float] = {
 """Multiple of the published region-2 gain, by the turbine of the catalog with the rotor and drive train."""
 
 
-def _factor(turbine: Turbine) -> float | None:
-    """Factor that a turbine's controller has by default; None where the table of the turbine gives the gain."""
-    return None if tracks_tip_speed_ratio(turbine) else found_factor(turbine)
-
-
 @option_record
 class RetunedOptions(Options):
     """Parameters of the retuned controller."""
@@ -305,7 +296,8 @@ class RetunedOptions(Options):
 
     gain_factor: float | None = option(
         "torque over speed squared below rated, in that of `discon`", default=None, unit="-", low=0.0, above=True,
-        otherwise="the optimum of the turbine's table", in_use=_factor,
+        otherwise="the optimum of the turbine's table",
+        in_use=lambda turbine: None if tracks_tip_speed_ratio(turbine) else found_factor(turbine),
     )  # fmt: skip
 
 

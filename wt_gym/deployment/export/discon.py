@@ -385,7 +385,7 @@ def export_discon(  # noqa: PLR0913
         "files": [str(file) for file in (source, library, parameters, page)],
         "held": held,
         "lidar": lidar,
-        "parked": wind is not None and parts.parks_in(wind),
+        "parked": wind is not None and parts.supervisor is not None and not parts.supervisor.runs_in(wind),
     }
 
 

@@ -138,10 +138,6 @@ class Parts:
     feedforward: LidarFeedforward | None = None
     supervisor: Supervisor | None = None
 
-    def parks_in(self, wind: float) -> bool:
-        """Whether the turbine stands at a start in a wind [m/s]."""
-        return self.supervisor is not None and not self.supervisor.runs_in(wind)
-
     def take(self, group: str, source: Any, prefix: str = "") -> None:
         """Take the attributes of an object that are parameters of a group, under their names behind a prefix."""
         self.groups.add(group)

@@ -35,7 +35,7 @@ from functools import partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.linalg import null_space
 
 from wt_gym.base.errors import WtGymError
@@ -526,16 +526,6 @@ class Substructure:
     def mass_matrix(self) -> Array:
         """M (n, n)."""
         return cast("Array", self.second[:3].sum(axis=0))
-
-    def gyroscopic_matrix(self, omega: ArrayLike) -> Array:
-        """G (n, n) of eq. (8) for an angular velocity (3,) in frame axes [rad/s]."""
-        return np.asarray(np.einsum("k,kij->ij", np.asarray(omega, dtype=float), self.gyro))
-
-    def centrifugal_matrix(self, omega: ArrayLike) -> Array:
-        """D (n, n) of eq. (7) for an angular velocity (3,) in frame axes [rad/s]."""
-        w = np.asarray(omega, dtype=float)
-        weight = np.array([*(w * w - w @ w), w[0] * w[1], w[0] * w[2], w[1] * w[2]])
-        return np.asarray(np.einsum("k,kij->ij", weight, self.second))
 
     def marker_shape(self, name: str) -> Array:
         """Displacement and rotation (6, n) of the axis at a marker per coordinate, in frame axes."""

@@ -317,7 +317,7 @@ class Translation:
             least = np.linalg.eigvalsh(lender.inertia.j0 + mass * arm @ arm)[0]
             axis, offset = np.asarray(joint.axis, dtype=float), np.asarray(joint.offset, dtype=float)
             turn = np.eye(3) if joint.rotation is None else joint.rotation
-            there = self._marker_of(b).position + offset
+            there = cast("Marker", system._markers[b]).position + offset
             reach = np.sqrt(least / mass)
             for side in (-reach, reach):
                 lumped_masses[b].append((0.5 * LENT * mass, side * axis))
@@ -332,10 +332,6 @@ class Translation:
                 )
             points.extend(zip(*_massless_points(tensor), strict=True))
         return lumped_masses
-
-    def _marker_of(self, b: int) -> Marker:
-        """Marker of the parent that carries the joint of a body."""
-        return cast("Marker", self.system._markers[b])
 
     # ---- places ------------------------------------------------------------------------------------------------------
 
