@@ -5,9 +5,9 @@ the instants at a wind speed tells how much of the motion z (`FOLLOWS`) the wind
 at whose wind speed B explains the least difference from the wind of the episode, in standard deviations of z; one of
 them is drawn, and all that it holds but the azimuth is moved by the linear fit of all columns to the wind of the
 episode. The part that the wind does not explain, and the motion side-side above all, is thus drawn from its
-distribution. So is the slow motion of a platform, which remembers the wind for longer than the windows: it moves with
-the mean speed of the wind alone. It is recorded in waves, whose drag damps it, without the answer to them: a start adds
-the answer to its own. Turbulence of another class or model than the recorded one draws from the same instants.
+distribution. So is the slow motion of a platform, which remembers the wind for longer than the windows: its mean and
+variance follow the mean speed of the wind. It is recorded in waves, whose drag damps it, without the answer to them: a
+start adds the answer to its own. Turbulence of another class or model draws from the same instants.
 """
 
 from __future__ import annotations
@@ -362,11 +362,16 @@ class Record:
         # recorded in wind along x; angles as small as these turn like a vector
         return replace(start, platform=(start.platform.reshape(4, 3) @ rotation_about_z(yaw)[:3, :3].T).ravel())
 
-    def _platform_change(self, instant: int, speed: float) -> list[float]:
-        """Change of the mean motion of a platform (12,) from the wind of an instant to a wind speed [m/s]."""
-        means = self._rows[:, self._columns.motion].reshape(len(self._speeds), self._per_speed, -1).mean(axis=1)
-        own = means[instant // self._per_speed]
-        return [np.interp(speed, self._speeds, mean) - here for mean, here in zip(means.T, own, strict=True)]
+    def _platform_change(self, instant: int, speed: float) -> NDArray[np.float64]:
+        """Change of the motion of a platform (12,) by its mean and variance from an instant to a wind speed [m/s]."""
+        rows = self._rows[:, self._columns.motion].reshape(len(self._speeds), self._per_speed, -1)
+        own, row = instant // self._per_speed, self._rows[instant, self._columns.motion]
+        means, variances = rows.mean(axis=1), rows.var(axis=1) + 1e-30  # a motion may rest
+        mean, variance = (
+            np.array([np.interp(speed, self._speeds, of) for of in each.T]) for each in (means, variances)
+        )
+        change: NDArray[np.float64] = mean + (row - means[own]) * np.sqrt(variance / variances[own]) - row
+        return change
 
     def at(
         self, turbine: Turbine, instant: int, azimuth: float | None = None, change: NDArray[np.float64] | float = 0.0
