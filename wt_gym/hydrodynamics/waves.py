@@ -145,6 +145,10 @@ class SeaState(WaveRecord):
             raise InflowError(
                 f"SeaState.file must be given for kind 'file' and no other, got {self.file} for {self.kind!r}"
             )
+        if self.kind in ("still", "file") and self.significant_height:
+            raise InflowError(
+                f"SeaState.significant_height must be 0 for kind {self.kind!r}, got {self.significant_height:g}"
+            )
         if self.high_cutoff - self.low_cutoff < 2.0 * 2.0 * math.pi / self.duration:
             raise InflowError(
                 f"SeaState.high_cutoff must be at least two components above low_cutoff {self.low_cutoff:g}, "
