@@ -83,6 +83,19 @@ class WaveComponents(WaveRecord):
         return replace(self, direction=-self.direction, current=(self.current[0], -self.current[1]))
 
     @property
+    def description(self) -> str:
+        """Height, period and direction of the waves, and the current, as text."""
+        energy = self.amplitude**2
+        height, flow = 4.0 * math.sqrt(0.5 * float(energy.sum())), math.hypot(*self.current)
+        main = float(np.angle(np.sum(energy * np.exp(1j * self.direction))))
+        waves = "no waves"
+        if height > 0.0:
+            period = 2.0 * math.pi / float(self.frequency[np.argmax(self.amplitude)])
+            waves = f"waves of {height:.3g} m, strongest of {period:.3g} s, towards {math.degrees(main):.3g} deg"
+        towards = math.degrees(math.atan2(self.current[1], self.current[0]))
+        return waves if flow == 0.0 else f"{waves}, current of {flow:.3g} m/s towards {towards:.3g} deg"
+
+    @property
     def wave_number(self) -> Array:
         """Wave numbers k [1/m], shape (component,)."""
         return wave_number(self.frequency, self.depth or math.inf, self.gravity)
