@@ -59,13 +59,13 @@ def test_the_sea_of_an_episode_without_end_repeats_after_an_hour(turbine):
     """A longer one than any memory holds is asked for by runs whose duration is the only limit."""
     term, rng = SeaTerm(turbine, None, False), np.random.default_rng(2)
     spacings = []
-    for length in (300.0, 1200.0, 3e8):
+    for length in (300.0, 1200.0, 3e8, None):
         request = SimpleNamespace(
             options={}, rng=rng, wind=SimpleNamespace(wind_speed=12.0), length=length, drawn={}
         )  # fmt: skip
         term.draw(request)
         spacings.append(np.diff(request.drawn["sea"].components.frequency).min())
-    np.testing.assert_allclose(2.0 * np.pi / np.array(spacings), [600.0, 1200.0, 3600.0], rtol=1e-6)
+    np.testing.assert_allclose(2.0 * np.pi / np.array(spacings), [600.0, 1200.0, 3600.0, 3600.0], rtol=1e-6)
 
 
 def test_seas_that_are_none_are_refused(turbine):
@@ -79,6 +79,11 @@ def test_seas_that_are_none_are_refused(turbine):
     for value in (None, True, "wide", math.nan, 30.0):
         with pytest.raises(ValueError, match="'misalignment' of sea must be between 0 and pi rad"):
             SeaTerm(turbine, {"misalignment": value}, False)
+    request = SimpleNamespace(options={"sea": "rough"}, rng=np.random.default_rng(0))
+    with pytest.raises(ValueError, match=r"^sea must be None for that of the wind"):
+        SeaTerm(turbine, None, False).draw(request)
+    with pytest.raises(ValueError, match=r"^sea must be None for that of the wind"):
+        WindTurbineEnv(turbine="oc4_nrel_5mw", sea="rough")
 
 
 def test_period_of_a_sea_is_told_as_it_is(turbine, tmp_path):
@@ -94,6 +99,10 @@ def test_period_of_a_sea_is_told_as_it_is(turbine, tmp_path):
         )
     ]  # fmt: skip
     assert periods == pytest.approx([2.0 * math.pi / 0.9, 0.0, 0.0, 8.0], rel=0.02)
+    given = SimpleNamespace(options={"sea": SeaState("regular", 2.0, 7.0).components(None, 200.0)},
+                            rng=np.random.default_rng(0), drawn={})  # fmt: skip
+    SeaTerm(turbine, None, False).draw(given)
+    assert given.drawn["sea"].first_info()["peak_wave_period"] == pytest.approx(7.0)
     regular = SeaTerm(turbine, {"kind": "regular", "significant_height": 2.0, "peak_period": 8.0}, False)
     told = regular.sea(np.random.default_rng(0), 12.0, 300.0).first_info()["significant_wave_height"]
     assert told == pytest.approx(2.0)  # not four standard deviations, 2.83 m

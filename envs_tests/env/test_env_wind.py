@@ -160,6 +160,8 @@ def test_an_inflow_of_ones_own_is_used_as_it_is():
     assert (wind.wind_speed, wind.wind_seed) == (9.0, -1)
     with pytest.raises(InflowError, match="inflow of its own"):
         sampler.sample(np.random.default_rng(0), wind_speed=10.0)
+    with pytest.raises(InflowError, match="'steady' is an option of the environment"):  # once: did you mean 'steady'?
+        sampler.given("steady")
 
 
 @pytest.mark.parametrize(

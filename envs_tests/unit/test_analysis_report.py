@@ -14,6 +14,7 @@ from wt_gym.analysis.figures import (
     median_and_range,
     pareto_figure,
     running_mean,
+    time_series_figure,
     trainings,
     verdict_figure,
 )
@@ -203,6 +204,7 @@ def test_front_has_a_panel_a_wind_speed_and_joins_the_best(evaluation):
 
 
 def test_replay_holds_what_was_recorded(evaluation, data):
+    assert not data["replay-data"]["sea"]
     data = data["replay-data"]
     assert [agent["name"] for agent in data["agents"]] == list(FLAP)
     assert data["dt"] == pytest.approx(0.2)
@@ -245,6 +247,38 @@ def test_recorder_keeps_the_end_and_pads_short_wakes(tmp_path):
     recorder.append(4.0, geometry() | large)
     assert recorder.to_replay().wake.shape == (3, 64, 3, 5, 3)
     assert np.all(np.diff(kept_filaments(17), 2) < 0)  # closer towards the tip
+
+
+def test_a_floating_turbine_has_its_sea_platform_and_lines(evaluation, tmp_path):
+    recorder, line = ReplayRecorder(3), np.linspace([800.0, 0.0, -200.0], [40.0, 0.0, -14.0], 30)
+    for k in (0, 1):
+        platform = {"platform": np.array([[[0.0, 0.0, -20.0], [0.0, 0.0, 10.0]]]), "platform_radius": np.array([6.0])}
+        recorder.append(TIME[k], geometry(k) | platform | {"lines": line[None]})
+    replay = recorder.to_replay()
+    assert replay.floater_radius.tolist() == [6.0] + 6 * [0.0]
+    assert np.allclose(replay.floater[0, 1:, 0][0], line[0])
+    assert np.allclose(replay.floater[0, -1, 1], line[-1])
+
+    names = ("wave_elevation", "platform_pitch", "platform_surge", "fairlead_tension_1", "fairlead_tension_2")
+    runs = [
+        replace(
+            run, data=run.data.assign({name: run.data.wind_x * (k + 1) for k, name in enumerate(names)}), replay=replay
+        )
+        for run in evaluation.runs
+    ]
+    floating = replace(evaluation, runs=runs)
+    land, figure = (time_series_figure(one, WINDS[0]) for one in (evaluation, floating))
+    added = [trace.name for trace in figure.data if trace.yaxis in ("y8", "y9", "y10", "y11")]
+    assert sorted(added) == sorted(["sea"] + 3 * list(FLAP))
+    assert len(figure.data) == len(land.data) + len(added)
+    tensions = next(trace.y for trace in figure.data if trace.yaxis == "y11")
+    assert np.allclose(tensions, 5e-6 * runs[0].data.wind_x, rtol=1e-3)
+
+    page = write_report(floating, tmp_path / "report.html").read_text(encoding="utf-8")
+    shown = json.loads(re.search(r"id='replay-data'>(.*?)</script>", page, re.DOTALL)[1])
+    assert shown["sea"]
+    assert shown["floater_radius"] == [6.0] + 6 * [0.0]
+    assert np.allclose(shown["agents"][0]["signals"]["wave"], runs[0].data.wind_x[:2], atol=1e-3)
 
 
 def test_seeds_of_a_training_share_a_figure(evaluation):

@@ -322,6 +322,8 @@ class TestWaves:
             SeaState("white", 1.0, low_cutoff=1.25)
         with pytest.raises(InflowError, match=r"must be at most 3\.55 m, where waves of 4 s break; got 25 m"):
             SeaState("regular", 25.0, 4.0)
+        with pytest.raises(InflowError, match="significant_height must be 0 for kind 'still', got 3"):
+            SeaState("still", 3.0)
         with pytest.raises(InflowError, match=r"frequencies of waves must be from 0\.03 to .* got 3"):
             PlatformLoads(load_platform("oc4_semi"), 0.1).set_sea(WaveComponents([3.0], [1.0], [0.0], [0.0]))
 

@@ -1,13 +1,18 @@
 """Files of recorded signals, read back by other readers than ours."""
 
 import struct
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from wt_gym.commands import run as run_command
+from wt_gym.hydrodynamics.waves import SeaState
+from wt_gym.simulation import Recorder, Signals
 from wt_gym.simulation.recorder import write_recording
+from wt_gym.turbines import load_turbine
+from wt_gym.wind import SteadyInflow
 
 TIME = np.arange(101) * 0.05
 SPEED = 1.2 + 0.1 * np.sin(TIME)
@@ -120,3 +125,27 @@ def test_other_endings_are_refused(tmp_path, data, capsys):
         run_command("simulate", ["--out", "run.xlsx"])
     assert stop.value.code == 2
     assert "argument --out: must be a file that ends in .nc, .outb, .csv, got run.xlsx" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("height", "current", "text"),
+    [
+        (3.0, (0.0, 0.0), "waves of 2.82 m, strongest of 8.96 s, towards 20 deg"),
+        (0.0, (0.3, -0.4), "no waves, current of 0.5 m/s towards -53.1 deg"),
+    ],
+)
+def test_a_recording_says_which_sea_it_is_of(height, current, text, tmp_path):
+    state = SeaState("jonswap", height, 9.0, direction=np.radians(20.0), current=current)
+    turbine = load_turbine("oc4_nrel_5mw")
+    simulator = SimpleNamespace(
+        turbine=turbine, inflow=SteadyInflow(12.0), time_step=0.1,
+        sea=state.components(np.random.default_rng(1), 200.0),
+        fidelity=SimpleNamespace(name="training", formulation="embedded"),
+    )  # fmt: skip
+    recorder = Recorder(simulator)
+    recorder.append(Signals(np.zeros(len(recorder.channels)), 3))
+    recorder.save(tmp_path / "run.outb")
+    recorder.save(tmp_path / "run.nc")
+    with xr.open_dataset(tmp_path / "run.nc") as data:
+        assert data.attrs["sea"] == text
+    assert text.encode() in (tmp_path / "run.outb").read_bytes()

@@ -22,22 +22,36 @@ if TYPE_CHECKING:
     from wt_gym.analysis.results import Evaluation, Wind
 
 
-def _largest_tip(run: xr.Dataset) -> NDArray[np.float64]:
-    """Downwind deflection of the tip that is bent most [m]."""
-    names = [name for name in run.data_vars if str(name).startswith("tip_out_of_plane_")]
-    return np.asarray(np.max([run[name].values for name in names], axis=0))
+def _largest(prefix: str) -> Callable[[xr.Dataset], NDArray[np.float64]]:
+    """Largest of the signals with a number behind a name, at each instant."""
+
+    def largest(run: xr.Dataset) -> NDArray[np.float64]:
+        names = [name for name in run.data_vars if str(name).startswith(prefix)]
+        return np.asarray(np.max([run[name].values for name in names], axis=0))
+
+    return largest
 
 
-_ROWS: tuple[tuple[str, str | Callable[[xr.Dataset], NDArray[np.float64]], float, str], ...] = (
+_Rows = tuple[tuple[str, str | Callable[["xr.Dataset"], NDArray[np.float64]], float, str], ...]
+_ROWS: _Rows = (
     ("Wind speed at the hub [m/s]", "wind_x", 1.0, ""),
     ("Electrical power [MW]", "generator_power", 1e-6, "rated_power"),
     ("Rotor speed [rpm]", "rotor_speed", 30 / np.pi, "rated_rotor_speed"),
     ("Pitch of blade 1 [deg]", "pitch_1", 180 / np.pi, ""),
     ("Generator torque [kN m]", "generator_torque", 1e-3, ""),
-    ("Tip deflection downwind, largest of the blades [m]", _largest_tip, 1.0, ""),
+    ("Tip deflection downwind, largest of the blades [m]", _largest("tip_out_of_plane_"), 1.0, ""),
     ("Tower-base fore-aft moment [MN m]", "tower_base_fore_aft_moment", 1e-6, ""),
 )
 """Rows of the time series: title with unit, signal, factor, and the limit that is drawn where it is known."""
+_FLOATING_ROWS: _Rows = (
+    ("Elevation of the sea [m]", "wave_elevation", 1.0, ""),
+    ("Pitch of the platform [deg]", "platform_pitch", 180 / np.pi, ""),
+    ("Surge of the platform [m]", "platform_surge", 1.0, ""),
+    ("Tension at the fairleads, largest of the lines [MN]", _largest("fairlead_tension_"), 1e-6, ""),
+)
+"""Further rows of a floating turbine."""
+_OUTSIDE = "wind_x", "wave_elevation"
+"""Signals that all agents meet alike."""
 
 
 def _line(look: dict[str, str]) -> dict[str, Any]:
@@ -56,32 +70,35 @@ def _panels(titles: list[str], gap: float) -> go.Figure:
 def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
     """Wind, power, rotor speed, pitch, torque, tip deflection and tower moment of all agents in one wind.
 
-    The rows share their time axis: zooming one zooms all.
+    Of a floating turbine also sea, platform and mooring lines. The rows share their time axis: zooming one zooms all.
     """
     styles = agent_styles(evaluation.agents)
-    figure = _panels([row[0] for row in _ROWS], 0.032)
+    floats = "platform_pitch" in evaluation.run(evaluation.agents[0], wind).data
+    rows = (*_ROWS, *_FLOATING_ROWS) if floats else _ROWS
+    figure = _panels([row[0] for row in rows], 0.224 / len(rows))
     for agent in evaluation.agents:
         run = evaluation.run(agent, wind)
         time = run.data["time"].values
         step = float(time[1] - time[0]) if time.size > 1 else 0.0
-        for i, (_, signal, factor, _) in enumerate(_ROWS, start=1):
-            if i == 1 and agent != evaluation.agents[0]:
-                continue  # all agents meet the same wind
-            line = {"color": WIND_COLOR, "width": 1.4} if i == 1 else _line(styles[agent])
+        for i, (_, signal, factor, _) in enumerate(rows, start=1):
+            if signal in _OUTSIDE and agent != evaluation.agents[0]:
+                continue
+            line = {"color": WIND_COLOR, "width": 1.4} if signal in _OUTSIDE else _line(styles[agent])
             values = factor * (run.data[signal].values if isinstance(signal, str) else signal(run.data))
             figure.add_scatter(
                 x0=float(time[0]), dx=step, y=compact(values), mode="lines", line=line, row=i, col=1,
-                name="wind" if i == 1 else agent, legendgroup=agent, showlegend=i == 2, hovertemplate="%{y:.4g}",
+                name={"wind_x": "wind", "wave_elevation": "sea"}.get(str(signal), agent), legendgroup=agent,
+                showlegend=i == 2, hovertemplate="%{y:.4g}",
             )  # fmt: skip
         if not run.complete:
             figure.add_vline(x=run.duration, line=_rule(1, "dot", styles[agent]["color"]), row="all", col=1)
-    for i, (_, _, factor, limit) in enumerate(_ROWS, start=1):
+    for i, (_, _, factor, limit) in enumerate(rows, start=1):
         if limit in evaluation.limits:
             figure.add_hline(y=factor * evaluation.limits[limit], line=_rule(1), row=i, col=1)
     titles_at_left(figure)
-    style(figure, height=1180)
+    style(figure, height=round(1180 * len(rows) / len(_ROWS)))
     figure.update_layout(hovermode="x unified", hoversubplots="axis")
-    figure.update_xaxes(title_text="Time [s]", row=len(_ROWS), col=1)
+    figure.update_xaxes(title_text="Time [s]", row=len(rows), col=1)
     return figure
 
 

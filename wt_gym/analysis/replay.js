@@ -36,8 +36,9 @@
 
   // ---------------------------------------------------------------- scene
   function camera(width, height) {
-    const reach = data.size, scale = zoom * Math.min(height / (2.9 * reach), width / (3.6 * reach));
-    const center = [0.75 * reach, 0, 0.9 * data.hub_height];
+    const reach = data.size, high = data.sea ? 3.4 : 2.9;  // with what is below a sea
+    const scale = zoom * Math.min(height / (high * reach), width / (3.6 * reach));
+    const center = [0.75 * reach, 0, (data.sea ? 0.75 : 0.9) * data.hub_height];
     const ca = Math.cos(azimuth), sa = Math.sin(azimuth), ce = Math.cos(elevation), se = Math.sin(elevation);
     const distance = 9 * reach;
     return function (x, y, z) {
@@ -105,21 +106,26 @@
     items.push({depth: corners.reduce((sum, c) => sum + c[2], 0) / corners.length, face: corners, color, edge});
   }
 
+  // A column from p to q with radii there.
+  function column(items, p, q, first, last, color) {
+    const rp = first * p[3], rq = last * q[3];
+    const nx = -(q[1] - p[1]), ny = q[0] - p[0], length = Math.hypot(nx, ny) || 1, ux = nx / length, uy = ny / length;
+    quad(items, [[p[0] - ux * rp, p[1] - uy * rp, p[2]], [p[0] + ux * rp, p[1] + uy * rp, p[2]],
+      [q[0] + ux * rq, q[1] + uy * rq, q[2]], [q[0] - ux * rq, q[1] - uy * rq, q[2]]], color, color);
+  }
+
   function addTurbine(items, project, frame, a) {
     const {tower, hub, blades} = current.shapes, point = (shape, index) => project(
       mixed(shape, frame, a, index), mixed(shape, frame, a, index + 1), mixed(shape, frame, a, index + 2));
     const n = tower.shape[1];
     for (let i = 0; i + 1 < n; i++) {
-      const p = point(tower, 3 * i), q = point(tower, 3 * i + 3);
-      const rp = data.tower_radius[i] * p[3], rq = data.tower_radius[i + 1] * q[3];
-      const nx = -(q[1] - p[1]), ny = q[0] - p[0], length = Math.hypot(nx, ny) || 1, ux = nx / length, uy = ny / length;
-      quad(items, [[p[0] - ux * rp, p[1] - uy * rp, p[2]], [p[0] + ux * rp, p[1] + uy * rp, p[2]],
-        [q[0] + ux * rq, q[1] + uy * rq, q[2]], [q[0] - ux * rq, q[1] - uy * rq, q[2]]], '#8fa3b3', '#8fa3b3');
+      column(items, point(tower, 3 * i), point(tower, 3 * i + 3), data.tower_radius[i], data.tower_radius[i + 1], '#8fa3b3');
     }
     const {floater} = current.shapes;
     for (let i = 0; i < floater.shape[1]; i++) {
-      const p = point(floater, 6 * i), q = point(floater, 6 * i + 3);
-      items.push({depth: 0.5 * (p[2] + q[2]), line: [p, q], color: '#7d8f9d', width: 1.4});
+      const p = point(floater, 6 * i), q = point(floater, 6 * i + 3), radius = data.floater_radius[i];
+      if (radius > 0) column(items, p, q, radius, radius, '#6f8494');
+      else items.push({depth: 0.5 * (p[2] + q[2]), line: [p, q], color: '#7d8f9d', width: 1.4});
     }
     const nose = point(hub, 0), top = point(tower, 3 * (n - 1));
     // as far behind the tower axis as the hub is before it, at the height of the hub
@@ -176,13 +182,14 @@
     }
   }
 
-  function ground(context, project) {
+  // Ground, or the sea, which rises and falls as it does at the turbine.
+  function ground(context, project, level) {
     context.beginPath();
     for (let k = 0; k <= 72; k++) {
-      const p = project(1.2 * data.size + 2.4 * data.size * Math.cos(k * Math.PI / 36), 1.2 * data.size * Math.sin(k * Math.PI / 36), 0);
+      const p = project(1.2 * data.size + 2.4 * data.size * Math.cos(k * Math.PI / 36), 1.2 * data.size * Math.sin(k * Math.PI / 36), level);
       if (k) context.lineTo(p[0], p[1]); else context.moveTo(p[0], p[1]);
     }
-    context.fillStyle = 'rgba(140,170,150,.10)';
+    context.fillStyle = data.sea ? 'rgba(60,150,225,.22)' : 'rgba(140,170,150,.10)';
     context.fill();
     context.strokeStyle = 'rgba(140,170,190,.28)';
     context.fillStyle = 'rgba(140,170,190,.55)';
@@ -191,12 +198,12 @@
     for (const share of [0.5, 1]) {
       context.beginPath();
       for (let k = 0; k <= 72; k++) {
-        const p = project(share * data.size * Math.cos(k * Math.PI / 36), share * data.size * Math.sin(k * Math.PI / 36), 0);
+        const p = project(share * data.size * Math.cos(k * Math.PI / 36), share * data.size * Math.sin(k * Math.PI / 36), level);
         if (k) context.lineTo(p[0], p[1]); else context.moveTo(p[0], p[1]);
       }
       context.stroke();
     }
-    const from = project(-0.95 * data.size, 0, 0), to = project(-0.6 * data.size, 0, 0);
+    const from = project(-0.95 * data.size, 0, level), to = project(-0.6 * data.size, 0, level);
     const dx = to[0] - from[0], dy = to[1] - from[1], length = Math.hypot(dx, dy);
     if (length < 12) return;
     context.strokeStyle = context.fillStyle;
@@ -225,7 +232,8 @@
 
   function drawScene(frame, a) {
     const [context, width, height] = sized(canvas), project = camera(width, height), items = [];
-    ground(context, project);
+    const {wave} = current.signals;
+    ground(context, project, wave ? (1 - a) * wave[frame] + a * wave[Math.min(frame + 1, wave.length - 1)] : 0);
     scaleMarks(context, project);
     rotorDisc(context, project, frame, a);
     addWake(items, project, frame, a);
@@ -319,6 +327,7 @@
       ['Wind at the hub', at(s.wind).toFixed(1) + ' m/s'], ['Power', at(s.power).toFixed(2) + ' MW'],
       ['Rotor speed', at(s.speed).toFixed(2) + ' rpm'], ['Pitch, mean', mean('pitch').toFixed(1) + '°'],
       ['Tip deflection, largest', largest.toFixed(2) + ' m'],
+      ...(data.sea ? [['Platform pitch', at(s.platform_pitch).toFixed(1) + '°']] : []),
     ];
     find('numbers').innerHTML = rows.map(([name, value]) => '<div><dt>' + name + '</dt><dd>' + value + '</dd></div>').join('');
   }

@@ -407,6 +407,8 @@ def replay_section(evaluation: Evaluation) -> Section:
         "size": float(np.linalg.norm(blades[0, :, 0, -1] - replays[0].hub[0], axis=-1).max()),
         "hub_height": float(replays[0].hub[0, 2]),
         "tower_radius": [round(float(radius), 3) for radius in replays[0].tower_radius],
+        "floater_radius": [round(float(radius), 3) for radius in replays[0].floater_radius],
+        "sea": "platform_pitch" in runs[0].data,
         "open": [run.agent for run in runs].index(opened),
         "agents": [_agent(run, replay) for run, replay in zip(runs, replays, strict=True)],
     }
@@ -442,7 +444,9 @@ def _agent(run: Run, replay: Replay) -> dict[str, Any]:
     def rounded(name: str, factor: float = 1.0) -> list[float]:
         return [round(factor * float(value), 3) for value in signals[name].values[places]]
 
-    blades = range(1, replay.blades.shape[1] + 1)
+    blades, afloat = range(1, replay.blades.shape[1] + 1), {}
+    if "platform_pitch" in signals:
+        afloat = {"wave": rounded("wave_elevation"), "platform_pitch": rounded("platform_pitch", 180 / np.pi)}
     return {
         "name": run.agent,
         "time": [round(float(time), 3) for time in replay.time],
@@ -453,5 +457,6 @@ def _agent(run: Run, replay: Replay) -> dict[str, Any]:
             "speed": rounded("rotor_speed", 30 / np.pi),
             "pitch": [rounded(f"pitch_{b}", 180 / np.pi) for b in blades],
             "tip": [rounded(f"tip_out_of_plane_{b}") for b in blades],
+            **afloat,
         },
     }

@@ -51,6 +51,8 @@ class Replay:
     """Shape (n, 3)."""
     floater: NDArray[np.float64]
     """Ends of the members of a platform and of pieces of its mooring lines. Shape (n, n_pieces, 2, 3)."""
+    floater_radius: NDArray[np.float64]
+    """Of the members; 0 of pieces of lines. Shape (n_pieces,)."""
 
     def save(self, path: Path) -> None:
         """Write a compressed NumPy archive, which is there when it is whole."""
@@ -84,8 +86,9 @@ class ReplayRecorder:
             for name in ("wake", "strength"):
                 missing = [(0, n_rows - len(shape[name]))] + [(0, 0)] * (shape[name].ndim - 1)
                 shape[name] = np.pad(shape[name], missing, constant_values=np.nan)
-        stacked = {name: np.stack([shape[name] for shape in shapes]) for name in shapes[0] if name != "tower_radius"}
-        return Replay(time=np.array(times), tower_radius=shapes[0]["tower_radius"], **stacked)
+        constant = {name: shapes[0][name] for name in ("tower_radius", "floater_radius")}
+        stacked = {name: np.stack([shape[name] for shape in shapes]) for name in shapes[0] if name not in constant}
+        return Replay(time=np.array(times), **constant, **stacked)
 
 
 def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
@@ -97,6 +100,7 @@ def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
         strength[len(rings) :] = rings[-1]
     rows = np.unique(np.linspace(0, len(wake) - 1, min(len(wake), _MOST_ROWS)).round().astype(int))
     filaments = kept_filaments(wake.shape[2])
+    floater, radius = _floater(geometry), np.asarray(geometry.get("platform_radius", ()))
     shapes = {
         "blades": np.asarray(geometry["blades"])[:, [0, -1]],
         "wake": wake[rows][:, :, filaments],
@@ -104,14 +108,16 @@ def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
         "tower": geometry["tower"],
         "tower_radius": geometry["tower_radius"],
         "hub": geometry["hub"],
-        "floater": _floater(geometry),
+        "floater": floater,
+        "floater_radius": np.pad(radius, (0, len(floater) - len(radius))),
     }
     return {name: np.array(values, dtype=np.float32) for name, values in shapes.items()}
 
 
 def _floater(geometry: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Members of a platform and pieces of its lines (n_pieces, 2, 3); none of a turbine on the ground."""
-    lines = np.asarray(geometry.get("lines", np.zeros((0, 2, 3))))[:, ::5]
+    lines = np.asarray(geometry.get("lines", np.zeros((0, 2, 3))))
+    lines = lines[:, np.linspace(0, lines.shape[1] - 1, 7).round().astype(int)]  # from anchor to fairlead
     pieces = np.stack([lines[:, :-1], lines[:, 1:]], axis=2).reshape(-1, 2, 3)
     return np.concatenate([np.asarray(geometry.get("platform", np.zeros((0, 2, 3)))), pieces])
 

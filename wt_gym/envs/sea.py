@@ -56,17 +56,17 @@ class SeaChoice:
         if not isinstance(value, Mapping) or (unknown := [name for name in value if name not in names]):
             guess = did_you_mean(unknown[0], names) if isinstance(value, Mapping) else ""
             raise ValueError(
-                f"sea must be None for that of the wind, {STILL!r}, a SeaState or a mapping with {', '.join(names)}; "
+                f"must be None for that of the wind, {STILL!r}, a SeaState or a mapping with {', '.join(names)}; "
                 f"got {shown(value)}{guess}"
             )
         fields = dict(value)
         spread = fields.pop(MISALIGNMENT, 0.0)
         if not (isinstance(spread, (int, float, np.number)) and spread is not True and 0.0 <= spread <= math.pi):
-            raise ValueError(f"{MISALIGNMENT!r} of sea must be between 0 and pi rad, got {spread!r}")
+            raise ValueError(f"{MISALIGNMENT!r} must be between 0 and pi rad, got {spread!r}")
         fields.setdefault("kind", "jonswap")
         state, own = SeaState(**fields), {"significant_height", "peak_period"} & fields.keys()
         if own and not state.significant_height and state.kind not in (STILL, "file"):
-            raise ValueError(f"sea must have a 'significant_height' above 0 m with a height or period of its own, "
+            raise ValueError(f"must have a 'significant_height' above 0 m with a height or period of its own, "
                              f"neither for that of the wind, or be {STILL!r}; got {shown(value)}")  # fmt: skip
         return cls(state, float(spread))
 
@@ -110,7 +110,7 @@ class EpisodeSea:
         height = 4.0 * math.sqrt(0.5 * float(np.sum(waves.amplitude**2)))
         if self.state.kind == "regular":
             height = self.state.significant_height
-        if self.state.kind == "file" and height > 0.0:  # whose state has no period
+        if self.state.kind in ("file", "still") and height > 0.0:  # a file or components, whose state has no period
             period = 2.0 * math.pi / float(waves.frequency[np.argmax(waves.amplitude)])
         elif self.state.kind not in ("regular", "jonswap", "pierson_moskowitz"):
             period = 0.0  # no peak
@@ -142,7 +142,10 @@ class SeaTerm(Term):
         if isinstance(given, WaveComponents):
             request.drawn["sea"] = EpisodeSea(given, SeaState())
             return
-        choice = self._choice if given is None else SeaChoice.of(given)
+        try:
+            choice = self._choice if given is None else SeaChoice.of(given)
+        except ValueError as error:
+            raise type(error)(f"{self.option} {error}") from error
         request.drawn["sea"] = self.sea(own, float(request.wind.wind_speed), request.length, choice)
 
     def sea(
@@ -153,7 +156,7 @@ class SeaTerm(Term):
         state = self._state(choice, wind_speed)
         turn = rng.uniform(-1.0, 1.0) * choice.misalignment
         state = replace(state, direction=math.remainder(state.direction + turn, 2.0 * math.pi),
-                        duration=max(state.duration, min(length or 0.0, LONGEST), SHORTEST))  # fmt: skip
+                        duration=max(state.duration, min(length or LONGEST, LONGEST), SHORTEST))  # fmt: skip
         floater = self._turbine.floater
         assert floater is not None  # or the term is off
         return EpisodeSea(state.components(rng, floater.water_depth), state)

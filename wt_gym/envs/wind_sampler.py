@@ -565,6 +565,11 @@ class WindSampler:
         """
         if options:
             raise InflowError(f"a given inflow has {', '.join(options)} already: leave them out of the options")
+        if isinstance(inflow, str) and inflow in KINDS:
+            raise InflowError(
+                f"inflow of a reset must be a wind of its own, an Inflow, a file or a mapping; {inflow!r} is an option "
+                "of the environment"
+            )
         (own,) = self._own_inflows([inflow])
         return _own_wind(own, 0.0)
 

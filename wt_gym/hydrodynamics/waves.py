@@ -83,6 +83,19 @@ class WaveComponents(WaveRecord):
         return replace(self, direction=-self.direction, current=(self.current[0], -self.current[1]))
 
     @property
+    def description(self) -> str:
+        """Height, period and direction of the waves, and the current, as text."""
+        energy = self.amplitude**2
+        height, flow = 4.0 * math.sqrt(0.5 * float(energy.sum())), math.hypot(*self.current)
+        main = float(np.angle(np.sum(energy * np.exp(1j * self.direction))))
+        waves = "no waves"
+        if height > 0.0:
+            period = 2.0 * math.pi / float(self.frequency[np.argmax(self.amplitude)])
+            waves = f"waves of {height:.3g} m, strongest of {period:.3g} s, towards {math.degrees(main):.3g} deg"
+        towards = math.degrees(math.atan2(self.current[1], self.current[0]))
+        return waves if flow == 0.0 else f"{waves}, current of {flow:.3g} m/s towards {towards:.3g} deg"
+
+    @property
     def wave_number(self) -> Array:
         """Wave numbers k [1/m], shape (component,)."""
         return wave_number(self.frequency, self.depth or math.inf, self.gravity)
@@ -144,6 +157,10 @@ class SeaState(WaveRecord):
         if (self.kind == "file") != (self.file is not None):
             raise InflowError(
                 f"SeaState.file must be given for kind 'file' and no other, got {self.file} for {self.kind!r}"
+            )
+        if self.kind in ("still", "file") and self.significant_height:
+            raise InflowError(
+                f"SeaState.significant_height must be 0 for kind {self.kind!r}, got {self.significant_height:g}"
             )
         if self.high_cutoff - self.low_cutoff < 2.0 * 2.0 * math.pi / self.duration:
             raise InflowError(

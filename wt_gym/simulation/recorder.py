@@ -120,7 +120,8 @@ def _outb(data: xr.Dataset) -> bytes:
     packed = np.rint(scale[:, None].astype(float) * values + offset[:, None].astype(float)).astype(np.int16)
     time = data["time"].values
     step = float((time[-1] - time[0]) / (time.size - 1)) if time.size > 1 else 0.0
-    described = f"wt_gym: {data.attrs.get('turbine', '')}, {data.attrs.get('inflow', '')}".encode("ascii", "replace")
+    where = ", ".join(data.attrs[name] for name in ("turbine", "inflow", "sea") if name in data.attrs)
+    described = f"wt_gym: {where}".encode("ascii", "replace")
     head = struct.pack("<hhiidd", _FORMAT, _NAME_LENGTH, len(table), time.size, float(time[0]), step)
     texts = "".join(text.ljust(_NAME_LENGTH) for text in (*names, *units)).encode("ascii")
     scales = scale.astype("<f4").tobytes() + offset.astype("<f4").tobytes()
@@ -162,6 +163,7 @@ class Recorder:
             "turbine": simulator.turbine.name,
             "rotation": simulator.turbine.rotation,
             "inflow": simulator.inflow.description,
+            **({} if (sea := getattr(simulator, "sea", None)) is None else {"sea": sea.description}),
             "fidelity": simulator.fidelity.name,
             "aerodynamic_time_step_s": simulator.time_step,
             **attributes,
