@@ -47,10 +47,11 @@ _BESIDE = 0.2
 _USERS = {
     "BASE": "controller", "IPC": "individual pitch", "DAMPER": "dampers", "YAW": "yaw", "AGENT": "agent",
     "LINEAR": "linear optimal pitch", "LIDAR": "lidar preview", "GUARD": "fault supervisor",
-    "SUPERVISOR": "supervisory control",
+    "SUPERVISOR": "supervisory control", "FLOATING": "floating feedback",
 }  # fmt: skip
 """Who needs readings, in the C source and in words."""
-_ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW", "LINEAR_PITCH_ADDED")
+_ADDITIONS = ("NONE_ADDED", "INDIVIDUAL_PITCH", "FORE_AFT_DAMPER", "SIDE_SIDE_DAMPER", "YAW", "LINEAR_PITCH_ADDED",
+              "FLOATING_FEEDBACK")  # fmt: skip
 _DERATED = ("NOT_DERATED", "BY_SPEED", "BY_TORQUE", "BY_PITCH", "BY_ROTOR_ENERGY")
 _FORMS = ("NO_PITCH", "COLLECTIVE", "INDIVIDUAL", "FIXED_FRAME", "CYCLIC")
 _ACTIVATIONS = ("NO_ACTIVATION", "TANH", "RELU", "ELU")

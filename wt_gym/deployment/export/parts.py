@@ -30,6 +30,7 @@ from wt_gym.control.controllers import (
 )
 from wt_gym.control.controllers.controller import parts_of
 from wt_gym.control.controllers.discon import BaselineParameters, PitchLaw
+from wt_gym.control.controllers.floating_feedback import FloatingFeedback
 from wt_gym.control.controllers.linear_optimal import (
     FLOATING_OUTPUTS,
     MOTION_CORNER,
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     from wt_gym.deployment.export.policy import Network
 
 SUPPORTED = ("discon", "retuned", "tsr_tracking", "derate_speed", "derate_torque", "derate_pitch", "derate_kinetic",
-             "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
+             "floating", "lidar", "ipc", "ipc_2p", "constrained_ipc", "fore_aft_damper",
              "side_side_damper", "tower_dampers", "tuned", "tuned_lidar", "yaw",
              "linear_pitch", "linear_optimal", "observer", "fault_supervisor", "supervisor")  # fmt: skip
 """Names of controllers that can be exported."""
@@ -189,8 +190,8 @@ class Parts:
 
 
 _FLAGS = (
-    "GAIN_TABLE", "TRACKS_TIP_SPEED_RATIO", "FADE_IPC", "FADE_FORE_AFT", "FADE_LINEAR", "FADE_LIDAR", "N_HARMONICS",
-    "INDIVIDUAL_BLADES", "DERATE", "WITH_EXCLUSION", "START_GAIN_TABLE",
+    "GAIN_TABLE", "TRACKS_TIP_SPEED_RATIO", "FADE_IPC", "FADE_FORE_AFT", "FADE_LINEAR", "FADE_LIDAR", "FADE_FLOATING",
+    "N_HARMONICS", "INDIVIDUAL_BLADES", "DERATE", "WITH_EXCLUSION", "START_GAIN_TABLE",
 )  # fmt: skip
 """Constants that are 0 for a controller without the part."""
 
@@ -223,6 +224,10 @@ def controller_parts(controller: Controller, turbine: Turbine, step: float) -> P
     parts.constants |= dict.fromkeys(_FLAGS, 0) | {"WITH_PLATFORM": int(turbine.floater is not None)}
     base: Any
     base, *additions = parts_of(controller)
+    if type(base) is FloatingFeedback:
+        parts.additions.append("FLOATING_FEEDBACK")
+        _floating(parts, base)
+        base = base.base
     if type(base) is Supervisor:
         _supervision(parts, base)
         base = base.base
@@ -376,6 +381,13 @@ def _fore_aft(parts: Parts, addition: ForeAftDamper, step: float) -> None:
     parts.take_fade(addition.fade, "FADE_FORE_AFT", "fore_aft")
     parts.groups.add("acceleration")
     parts.reads.setdefault("DAMPER", set()).update(ACCELERATION | {"rotor_speed"})
+
+
+def _floating(parts: Parts, wrapper: FloatingFeedback) -> None:
+    parts.take("floating", wrapper, "floating_")
+    parts.values["floating_min_pitch"] = wrapper.pitch_limits[0]
+    parts.take_fade(wrapper.fade, "FADE_FLOATING", "floating")
+    parts.reads["FLOATING"] = _FLOATS | {"rotor_speed"}
 
 
 def _side_side(parts: Parts, addition: SideSideDamper, step: float) -> None:

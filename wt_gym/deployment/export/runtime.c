@@ -101,6 +101,10 @@ struct state {
     /* additions */
     struct harmonic harmonics[2];
     double fade_ipc, fade_fore_aft;
+#if WITH_PLATFORM
+    double fade_floating;
+    struct second_order floating;
+#endif
     int fresh_ipc, fresh_fore_aft;
     struct integrator fore_aft, side_side;
 #if WITH_LINEAR
@@ -925,9 +929,32 @@ static void individual_pitch(const struct parameters *p, struct state *s, struct
     for (int b = 0; b < N_BLADES; b++) d->pitch[b] = clip(d->pitch[b], p->drive_min_pitch, p->drive_max_pitch);
 }
 
+/* The same pitch for all blades; none is taken below the least pitch, but one stays there that the controller put there. */
+static void add_pitch(const struct parameters *p, struct demand *d, double added, double least) {
+    for (int b = 0; b < N_BLADES; b++) {
+        double angle = d->pitch[b];
+        d->pitch[b] = fmin(fmax(angle + added, fmin(angle, least)), p->drive_max_pitch);
+    }
+}
+
+#if WITH_PLATFORM
+/* Collective pitch in proportion to the velocity of the hub by the pitch of the platform; none while that is unknown. */
+static void floating_feedback(const struct parameters *p, struct state *s, struct demand *d, double dt) {
+    double rate = p->floating_height * s->now.platform_pitch_rate, share = 1.0;
+    double velocity = second_order_update(&s->floating, rate, dt, p->floating_corner_frequency, 1.0);
+    if (FADE_FLOATING) {
+        s->fade_floating = low_pass(s->fade_floating, mean_of(d->pitch), dt, p->floating_fade_time);
+        share = above_rated(p, s->fade_floating, s->now.rotor_speed, p->floating_fade_pitch, p->floating_fade_speed,
+                            p->floating_fade_fine_speed);
+    }
+    if (s->bad_users & FOR_FLOATING) share = 0.0;
+    add_pitch(p, d, share * clip(p->floating_gain * velocity, -p->floating_limit, p->floating_limit), p->floating_min_pitch);
+}
+#endif
+
 /* Collective pitch in proportion to the fore-aft velocity of the nacelle. */
 static void fore_aft_damper(const struct parameters *p, struct state *s, struct demand *d, double dt) {
-    double velocity = integrator_update(&s->fore_aft, s->now.acceleration_fore_aft, dt, p->fore_aft_corner), added, share = 1.0;
+    double velocity = integrator_update(&s->fore_aft, s->now.acceleration_fore_aft, dt, p->fore_aft_corner), share = 1.0;
     if (FADE_FORE_AFT) {
         if (s->fresh_fore_aft) s->fade_fore_aft = mean_of(d->pitch);
         s->fade_fore_aft = low_pass(s->fade_fore_aft, mean_of(d->pitch), dt, p->fore_aft_fade_time);
@@ -935,11 +962,7 @@ static void fore_aft_damper(const struct parameters *p, struct state *s, struct 
                             p->fore_aft_fade_fine_speed);
     }
     s->fresh_fore_aft = 0;
-    added = share * clip(p->fore_aft_gain * velocity, -p->fore_aft_limit, p->fore_aft_limit);
-    for (int b = 0; b < N_BLADES; b++) {
-        double angle = d->pitch[b];
-        d->pitch[b] = fmin(fmax(angle + added, fmin(angle, p->fore_aft_min_pitch)), p->drive_max_pitch);
-    }
+    add_pitch(p, d, share * clip(p->fore_aft_gain * velocity, -p->fore_aft_limit, p->fore_aft_limit), p->fore_aft_min_pitch);
 }
 
 /* Generator torque in proportion to the side-side velocity of the nacelle. */
@@ -1320,6 +1343,10 @@ static void guard_act(const struct parameters *p, struct state *s, struct demand
 static void additions_start(const struct parameters *p, struct state *s) {
     memset(s->harmonics, 0, sizeof s->harmonics);
     s->fresh_ipc = s->fresh_fore_aft = 1;
+#if WITH_PLATFORM
+    s->floating = (struct second_order){0.0, 0.0};
+    s->fade_floating = mean_of(s->present.pitch);
+#endif
 #if WITH_LINEAR
     linear_start(&s->linear, &s->now);
 #endif
@@ -1351,6 +1378,9 @@ static void controller_step(const struct parameters *p, struct state *s, double 
         case LINEAR_PITCH_ADDED: linear_pitch(p, s, d, dt); break;
 #endif
         case FORE_AFT_DAMPER: fore_aft_damper(p, s, d, dt); break;
+#if WITH_PLATFORM
+        case FLOATING_FEEDBACK: floating_feedback(p, s, d, dt); break;
+#endif
         case SIDE_SIDE_DAMPER: side_side_damper(p, s, d, dt); break;
         case YAW: yaw_by_dead_band(p, s, d, dt); break;
         default: break;
