@@ -54,7 +54,7 @@ set_up() {
     "$python" -m venv .venv
     # the build runs in the environment itself: another one would be downloaded each time. moviepy comes as a source
     # archive, which setuptools before 70.1 builds only beside the package wheel
-    install 'hatchling>=1.27' 'setuptools>=70.1'
+    install 'setuptools>=70.1' 'hatchling>=1.27'
     install_torch
     install --no-build-isolation --editable ".[$extras]"
     if [[ $extras == "$all" ]]; then

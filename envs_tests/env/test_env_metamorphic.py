@@ -184,8 +184,7 @@ def slow_without(fast):
 def assert_turned_with_the_hull(env):
     """Equal courses where wind and waves turn by 120°, like the columns and lines of the hull.
 
-    Its sensors do not turn, so actions do not follow them. A start turns roll, pitch and yaw as a vector, true within
-    half their square: 0.002 for angles of 0.07, which accelerations in their small unit show ten times as large.
+    Its sensors do not turn, so actions do not follow them; nor does damping by |v| v along its axes, left out here.
     """
     env.reset(seed=5)
     sea, hull, courses = env.unwrapped.simulator.sea, "platform", []
@@ -194,7 +193,7 @@ def assert_turned_with_the_hull(env):
         seen = course.observations[:, [hull not in name for name in env.unwrapped.observation_names]]
         metrics = {name: value for name, value in course.metrics.items() if hull not in name}
         courses.append(course._replace(observations=seen, metrics=metrics))
-    assert_same(*courses, rounding=0.03)
+    assert_same(*courses, rounding=0.015)
     for x, y in (("surge", "sway"), ("roll", "pitch"), ("surge_acceleration", "sway_acceleration")):
         first, second = (run.signals[f"{hull}_{x}"] + 1j * run.signals[f"{hull}_{y}"] for run in courses)
         np.testing.assert_allclose(second, first * np.exp(1j * turn), atol=0.01 * np.abs(first).max())
@@ -204,8 +203,9 @@ def assert_turned_with_the_hull(env):
 def test_a_turned_world_is_the_same(name):
     case = case_of(name)
     (env,) = case.envs()
-    if env.unwrapped.turbine.floater is not None:
-        assert_turned_with_the_hull(env)
+    if (floater := env.unwrapped.turbine.floater) is not None:
+        undamped = replace(floater, quadratic_damping=np.zeros((6, 6)))
+        assert_turned_with_the_hull(*case.envs(replace(env.unwrapped.turbine, floater=undamped)))
         return
     assert_same(*(play(env, {"yaw": math.radians(angle)}, case.agent(env)) for angle in (0.0, 237.0)))
 

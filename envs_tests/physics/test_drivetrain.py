@@ -288,8 +288,6 @@ DRIVE = TURBINE.drivetrain
 RATED, N, ETA = DRIVE.rated_rotor_speed, DRIVE.gear_ratio, DRIVE.generator_efficiency
 FULL = DRIVE.rated_power / (ETA * RATED * N)
 WIND = SteadyInflow(15.0)
-PITCH_STEP = 0.1 * math.radians(8.0)
-"""Of the pitch drives in 0.1 s [rad]."""
 
 
 def torques(drives, demand, steps, dt, faults=(), speed=RATED, first=20e3):

@@ -255,12 +255,15 @@ def test_gain_and_projection_reach_the_system():
     assert (system.tree.stabilization, system.tree.projection) == (25.0, 0)
 
 
-def test_multipliers_need_constraints():
+def test_multipliers_need_constraints_and_a_stable_gain():
     simulator = Simulator("gebhardt_45m", SteadyInflow(12.0), "training")
     simulator.reset(rotor_speed=1.2, pitch=0.1)
     with pytest.raises(SimulationError, match="no multipliers without constraint equations"):
         simulator.root_multipliers()
     assert simulator.constraint_drift() == (0.0, 0.0, 0.0)
+    stiff = replace(FIDELITIES["gebhardt"], stabilization=200.0)
+    with pytest.raises(SimulationError, match="stability limit"):
+        Simulator("gebhardt_45m", SteadyInflow(12.0), stiff).reset(rotor_speed=1.0, pitch=0.1)
 
 
 # ---- formulations as environments -----------------------------------------------------------------------------------

@@ -131,7 +131,7 @@ def test_other_endings_are_refused(tmp_path, data, capsys):
     ("height", "current", "text"),
     [
         (3.0, (0.0, 0.0), "waves of 2.82 m, strongest of 8.96 s, towards 20 deg"),
-        (0.0, (0.3, -0.4), "no waves, current of 0.5 m/s towards -53.1 deg"),
+        (0.0, (0.3, -0.4), "no waves, current of 0.5 m/s towards -53 deg"),
     ],
 )
 def test_a_recording_says_which_sea_it_is_of(height, current, text, tmp_path):

@@ -49,7 +49,7 @@ _FLOATING_ROWS: _Rows = (
     ("Surge of the platform [m]", "platform_surge", 1.0, ""),
     ("Tension at the fairleads, largest of the lines [MN]", _largest("fairlead_tension_"), 1e-6, ""),
 )
-"""Further rows of a floating turbine."""
+"""Further rows of a floating turbine, the last one of those with lines."""
 _OUTSIDE = "wind_x", "wave_elevation"
 """Signals that all agents meet alike."""
 
@@ -73,8 +73,9 @@ def time_series_figure(evaluation: Evaluation, wind: Wind) -> go.Figure:
     Of a floating turbine also sea, platform and mooring lines. The rows share their time axis: zooming one zooms all.
     """
     styles = agent_styles(evaluation.agents)
-    floats = "platform_pitch" in evaluation.run(evaluation.agents[0], wind).data
-    rows = (*_ROWS, *_FLOATING_ROWS) if floats else _ROWS
+    signals = evaluation.run(evaluation.agents[0], wind).data
+    n_more = len(_FLOATING_ROWS) - ("fairlead_tension_1" not in signals) if "platform_pitch" in signals else 0
+    rows = (*_ROWS, *_FLOATING_ROWS[:n_more])
     figure = _panels([row[0] for row in rows], 0.224 / len(rows))
     for agent in evaluation.agents:
         run = evaluation.run(agent, wind)

@@ -63,6 +63,8 @@ class Replay:
     def load(cls, path: Path) -> "Replay":
         """Read what `save` wrote."""
         with np.load(path) as arrays:
+            if missing := {f.name for f in fields(cls)} - set(arrays):
+                raise ValueError(f"{path} must hold {', '.join(sorted(missing))}: it is of another version")
             return cls(**{f.name: arrays[f.name] for f in fields(cls)})
 
 

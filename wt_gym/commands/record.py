@@ -4,7 +4,7 @@
     wt-gym record --package                 # the turbines of the catalog, in a clone of the project
     wt-gym record --package nrel_5mw
 
-The turbine runs under its baseline controller, every 2 m/s from cut-in to cut-out, in about ten minutes on two cores;
+The turbine runs under its baseline controller, every 2 m/s from cut-in to cut-out, in 10 to 15 minutes on two cores;
 the record stays in the user's cache (WT_GYM_CACHE). Episodes of a turbine without a record start at the operating point
 of the wind. An interrupted command continues where it was, as long as program and turbine are the same.
 """

@@ -292,10 +292,6 @@ _RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8, "oc4_nrel_5mw": 12, "volt
 _ATTEMPTS = 3  # Winds of a run: a gust may stop a turbine at cut-out by its overspeed
 
 
-def _plan_of(turbine: Turbine) -> RecordingPlan:
-    return PLAN if turbine.floater is None else FLOATING_PLAN
-
-
 @dataclass(frozen=True)
 class RecordedTurbine:
     """A turbine and its controller.
@@ -326,7 +322,7 @@ class RecordedTurbine:
     def key(self) -> str:
         """Digest of all on which the runs depend, besides the program."""
         turbine = load_turbine(self.turbine)
-        return fingerprint(turbine, self.run_fidelity, self.controller, self.level, self.runs, _plan_of(turbine))[:16]
+        return fingerprint(turbine, self.run_fidelity, self.controller, self.level, self.runs, PLAN, FLOATING_PLAN)[:16]
 
     def canary(self) -> Canary:
         """Canary of the record."""
@@ -350,7 +346,7 @@ class RecordedTurbine:
         for attempt in range(_ATTEMPTS):
             try:
                 inflow = self.inflow(speed, run + attempt * self.runs)
-                return recorder.run(inflow, _plan_of(turbine), recorded_sea(turbine, speed, _SEED + run))
+                return recorder.run(inflow, sea=recorded_sea(turbine, speed, _SEED + run))
             except SimulationError as error:
                 _log.info("%s does not run in wind %d at %g m/s (%s)", self.turbine, run, speed, error)
                 failure = error

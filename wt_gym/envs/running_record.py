@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from wt_gym.control import Demand
 from wt_gym.control.controllers import Controller, Readings, WithDemandedPower, checked_demand, readings_of
@@ -35,7 +36,6 @@ from wt_gym.simulation.channels import TOWER_TOP_PARITIES, channel_table, pariti
 from wt_gym.simulation.drivetrain.drives import available_torque
 from wt_gym.simulation.fidelity import fidelity as fidelity_of
 from wt_gym.turbines import Turbine
-from wt_gym.turbines.blade import rotation_about_z
 from wt_gym.turbines.variants import REFLECTION_6
 from wt_gym.wind import Inflow
 from wt_gym.wind.inflow import fill_velocity, read_only
@@ -58,8 +58,8 @@ class Start:
         Of the structure, as `wt_gym.simulation.Simulator.reset` takes it, where fidelity and azimuth are those of the
         record.
     deviations : dict
-        Of the running means of channels from their current values, by name; of a floater, whose loads were those of
-        other waves, the running means.
+        Of the running means of channels from their current values, by name; of the tower of a floater, whose loads
+        were those of other waves, the running means.
     """
 
     rotor_speed: float  #: [rad/s]
@@ -106,7 +106,8 @@ class Start:
             return signals
         averaged = Signals(signals.values.copy(), signals.n_blades)
         for name, deviation in self.deviations.items():
-            averaged.set(name, deviation if self.platform is not None else signals[name] + deviation)
+            afloat = self.platform is not None and name in AVERAGED[1:]
+            averaged.set(name, deviation if afloat else signals[name] + deviation)
         return averaged
 
 
@@ -191,7 +192,7 @@ class StartRecorder:
         self.turbine, self.fidelity, self.controller = turbine, fidelity_of(fidelity), controller
         self._demanded_power = demanded_power
 
-    def run(self, inflow: Inflow, plan: RecordingPlan = PLAN, sea: WaveComponents | None = None) -> Instants:
+    def run(self, inflow: Inflow, plan: RecordingPlan | None = None, sea: WaveComponents | None = None) -> Instants:
         """Run the turbine in a wind, on a platform in a sea.
 
         Raises
@@ -201,7 +202,7 @@ class StartRecorder:
         """
         turbine, controller, n = self.turbine, copy.deepcopy(self.controller), self.turbine.n_blades
         simulator, floats = Simulator(turbine, inflow, self.fidelity, sea=sea), turbine.floater is not None
-        point = starting_point(turbine, inflow)
+        plan, point = plan or (FLOATING_PLAN if floats else PLAN), starting_point(turbine, inflow)
         signals = simulator.reset(point.rotor_speed, point.pitch, generator_torque=point.generator_torque)
         readings = self._readings(controller, signals, inflow)
         controller.start(readings, Demand(np.array(signals.pitch), 0.0, signals.generator_torque))
@@ -359,8 +360,7 @@ class Record:
         change[self._columns.motion] = self._platform_change(instant, speed)
         start = self.at(turbine, instant, azimuth, change)
         assert start.platform is not None
-        # recorded in wind along x; angles as small as these turn like a vector
-        return replace(start, platform=(start.platform.reshape(4, 3) @ rotation_about_z(yaw)[:3, :3].T).ravel())
+        return replace(start, platform=_along(start.platform, yaw))
 
     def _platform_change(self, instant: int, speed: float) -> NDArray[np.float64]:
         """Change of the motion of a platform (12,) by its mean and variance from an instant to a wind speed [m/s]."""
@@ -370,8 +370,7 @@ class Record:
         mean, variance = (
             np.array([np.interp(speed, self._speeds, of) for of in each.T]) for each in (means, variances)
         )
-        change: NDArray[np.float64] = mean + (row - means[own]) * np.sqrt(variance / variances[own]) - row
-        return change
+        return np.asarray(mean + (row - means[own]) * np.sqrt(variance / variances[own]) - row)
 
     def at(
         self, turbine: Turbine, instant: int, azimuth: float | None = None, change: NDArray[np.float64] | float = 0.0
@@ -390,7 +389,7 @@ class Record:
             pitch = np.full(n, pitch.mean())
         places = [_places(n)[name] for name in AVERAGED]
         means = np.split(row[columns.means], np.cumsum([len(place) for place in places])[:-1])
-        present = [np.zeros(len(at)) if floats else row[at] for at in places]
+        present = [np.zeros(1) if floats and name in AVERAGED[1:] else row[_places(n)[name]] for name in AVERAGED]
         changes = {name: mean - now for name, mean, now in zip(AVERAGED, means, present, strict=True)}
         deviations = {name: each if len(each) > 1 else float(each[0]) for name, each in changes.items()}
         speed, torque = float(row[columns.turning.start + 1]), 0.0
@@ -408,6 +407,14 @@ class Record:
         signals = np.full(len(channel_table(self._n_blades, n_lines)), np.nan)
         signals[_recorded_channels(self._n_blades)] = lasting
         return signals
+
+
+def _along(platform: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
+    """Motion of a platform (12,) that was recorded in wind along x, in wind along a heading [rad]."""
+    turn, (place, tilt, velocity, rates) = Rotation.from_rotvec([0.0, 0.0, yaw]), platform.reshape(4, 3)
+    tilts = Rotation.from_euler("xyz", tilt + np.outer((-1.0, 0.0, 1.0), 1e-4 * rates))  # 0.1 ms before, now and after
+    before, now, after = (turn * tilts * turn.inv()).as_euler("xyz")
+    return np.concatenate([turn.apply(place), now, turn.apply(velocity), (after - before) / 2e-4])
 
 
 def wind_history(inflow: Inflow, turbine: Turbine, yaw: float, time: float) -> NDArray[np.float64]:

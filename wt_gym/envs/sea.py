@@ -106,10 +106,7 @@ class EpisodeSea:
 
     def first_info(self) -> dict[str, Any]:
         """Its part of the info of a reset."""
-        waves, period = self.components, self.state.peak_period
-        height = 4.0 * math.sqrt(0.5 * float(np.sum(waves.amplitude**2)))
-        if self.state.kind == "regular":
-            height = self.state.significant_height
+        waves, period, height = self.components, self.state.peak_period, self.components.height
         if self.state.kind in ("file", "still") and height > 0.0:  # a file or components, whose state has no period
             period = 2.0 * math.pi / float(waves.frequency[np.argmax(waves.amplitude)])
         elif self.state.kind not in ("regular", "jonswap", "pierson_moskowitz"):
@@ -155,8 +152,9 @@ class SeaTerm(Term):
         choice = choice or self._choice
         state = self._state(choice, wind_speed)
         turn = rng.uniform(-1.0, 1.0) * choice.misalignment
+        endless = 0.0 if state.kind == "file" else LONGEST  # a file repeats after its own duration
         state = replace(state, direction=math.remainder(state.direction + turn, 2.0 * math.pi),
-                        duration=max(state.duration, min(length or LONGEST, LONGEST), SHORTEST))  # fmt: skip
+                        duration=max(state.duration, min(length or endless, LONGEST), SHORTEST))  # fmt: skip
         floater = self._turbine.floater
         assert floater is not None  # or the term is off
         return EpisodeSea(state.components(rng, floater.water_depth), state)
@@ -189,5 +187,5 @@ class SeaTerm(Term):
             Observed(Channel("platform_surge", *place, "surge of the platform"), "platform_surge"),
             Observed(Channel("platform_sway", *place, "sway of the platform", parity=ODD), "platform_sway"),
         ]
-        wave = Channel("wave_elevation", "m", 0.0, 1.0, -30.0, 30.0, 0.05, "elevation of the sea at the platform")
+        wave = Channel("wave_elevation", "m", 0.0, 1.0, -30.0, 30.0, 0.05, "elevation of the sea at the origin")
         return {"platform": motion, "platform_position": position, "wave": [Observed(wave, "wave_elevation")]}

@@ -85,15 +85,20 @@ class WaveComponents(WaveRecord):
     @property
     def description(self) -> str:
         """Height, period and direction of the waves, and the current, as text."""
-        energy = self.amplitude**2
-        height, flow = 4.0 * math.sqrt(0.5 * float(energy.sum())), math.hypot(*self.current)
-        main = float(np.angle(np.sum(energy * np.exp(1j * self.direction))))
-        waves = "no waves"
+        height, flow, waves = self.height, math.hypot(*self.current), "no waves"
         if height > 0.0:
-            period = 2.0 * math.pi / float(self.frequency[np.argmax(self.amplitude)])
-            waves = f"waves of {height:.3g} m, strongest of {period:.3g} s, towards {math.degrees(main):.3g} deg"
+            main = np.argmax(self.amplitude)
+            period, to = 2.0 * math.pi / float(self.frequency[main]), math.degrees(self.direction[main])
+            waves = f"waves of {height:.3g} m, strongest of {period:.3g} s, towards {to:.0f} deg"
         towards = math.degrees(math.atan2(self.current[1], self.current[0]))
-        return waves if flow == 0.0 else f"{waves}, current of {flow:.3g} m/s towards {towards:.3g} deg"
+        return waves if flow == 0.0 else f"{waves}, current of {flow:.3g} m/s towards {towards:.0f} deg"
+
+    @property
+    def height(self) -> float:
+        """Significant height, four standard deviations of the elevation; of one wave from trough to crest [m]."""
+        if len(self.amplitude) == 1:
+            return 2.0 * float(self.amplitude[0])
+        return 4.0 * math.sqrt(0.5 * float(np.sum(self.amplitude**2)))
 
     @property
     def wave_number(self) -> Array:
@@ -306,8 +311,8 @@ class SeaState(WaveRecord):
         transform = np.fft.rfft(data[:, 1]) / len(data)
         frequency = 2.0 * math.pi * np.fft.rfftfreq(len(data), step)
         inside = (frequency >= self.low_cutoff) & (frequency <= self.high_cutoff)
-        power = np.abs(transform[frequency > 2.0 * math.pi / _TIDE]) ** 2
-        share = np.sum(np.abs(transform[inside]) ** 2) / max(power.sum(), 1e-300)
+        power = np.abs(transform) ** 2 * (frequency > 2.0 * math.pi / _TIDE)
+        share = power[inside].sum() / max(power.sum(), 1e-300)
         if math.pi / step <= self.high_cutoff or share < 0.9:
             raise InflowError(
                 f"SeaState.file must resolve waves up to high_cutoff, {self.high_cutoff:g} rad/s, and hold nine tenths "

@@ -105,7 +105,7 @@ class Simulator(DrivenSimulator):
         self._starter = Starter(self.coupling, self.drives)
         self._measurement = Measurement(image, self.structure, self.coupling.gauges)
         self._model = fingerprint(self.turbine, self.fidelity, self.drives.generator)
-        self._n_steps, self._started = 0, False
+        self._n_steps, self._started, self._reset_here = 0, False, False
         self._compiled, self._met = False, cast("WaveComponents | None", None)
 
     def __getstate__(self) -> tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None]:
@@ -207,7 +207,7 @@ class Simulator(DrivenSimulator):
             )
         except (MultibodyError, AerodynamicsError, SimulationError, InflowError) as error:
             raise SimulationError(f"no start at {rotor_speed} rad/s in {self.inflow.description}: {error}") from error
-        self._started = True
+        self._started = self._reset_here = True
         self._measure()
         return self.signals
 
@@ -284,7 +284,7 @@ class Simulator(DrivenSimulator):
         SimulationError
             When the snapshot does not fit, or its motion has no meaning.
         """
-        self._started = False
+        self._started = self._reset_here = False
         state.put(self._state_arrays(), self._model)
         try:
             check_state(self.structure.system, self.coupling.integrator.state)
@@ -368,8 +368,10 @@ class Simulator(DrivenSimulator):
         return self.structure.motion(integrator.state, integrator.state_rate, self.drives.command[1])
 
     def slow_platform(self) -> Array:
-        """Motion of a floater since `reset` without its answer to the waves, array (12,), as `reset` takes it."""
+        """Motion of a floater since its `reset` without its answer to the waves, array (12,), as `reset` takes it."""
         self._require_start()
+        if self.turbine.floater is None or not self._reset_here:
+            raise SimulationError("slow_platform must be asked of a floating turbine since its last reset")
         slow = self.structure.platform(self.coupling.integrator.state) - self._starter.wave_motion(self.time)
         return slow * np.tile(REFLECTION_6, 2) if self.mirrored else slow
 
