@@ -79,7 +79,7 @@ def interpret() -> None:
 
 
 def noticed(tests: list[str], limit: float) -> bool:
-    """Whether the tests fail, or take longer than a limit [s], in a fork of this process."""
+    """Return True if the tests fail, or take longer than a limit [s], in a fork of this process."""
     child = os.fork()
     if child == 0:
         os.setsid()

@@ -161,7 +161,7 @@ def _read_studies(path: Path) -> dict[str, Study]:
 
 
 STUDIES = _read_studies(Path(__file__).with_suffix(".toml"))
-"""What docs/studies/tasks.md and in short the pages of the tasks show, by the name of the table."""
+"""Studies on docs/studies/tasks.md, and in short on the pages of the tasks, by the name of the table."""
 STORM_CONTROLLER = STUDIES["FullOperation in storm"].agents[-1]
 """Controller of FullOperation that holds rated speed and power up to a cut-out at 30 m/s."""
 

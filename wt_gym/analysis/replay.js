@@ -182,7 +182,7 @@
     }
   }
 
-  // Ground, or the sea, which rises and falls as it does at the turbine.
+  // Ground, or the sea, which rises and falls as it does at the origin.
   function ground(context, project, level) {
     context.beginPath();
     for (let k = 0; k <= 72; k++) {

@@ -52,7 +52,7 @@ class Replay:
     floater: NDArray[np.float64]
     """Ends of the members of a platform and of pieces of its mooring lines. Shape (n, n_pieces, 2, 3)."""
     floater_radius: NDArray[np.float64]
-    """Of the members; 0 of pieces of lines. Shape (n_pieces,)."""
+    """Radii of the members, 0 for pieces of lines. Shape (n_pieces,)."""
 
     def save(self, path: Path) -> None:
         """Write a compressed NumPy archive, which is there when it is whole."""

@@ -123,7 +123,7 @@ class RecordingPlan:
 PLAN = RecordingPlan()
 """Plan of the records of the package."""
 FLOATING_PLAN = RecordingPlan(settling=400.0)
-"""Of floating turbines: surge decays by half in some 50 s."""
+"""Plan for floating turbines, whose surge decays by half in some 50 s."""
 AVERAGED = ("root_flap_moment", "tower_base_fore_aft_moment", "tower_base_side_side_moment")
 """Loads whose high-pass filters begin an episode with the running mean of the turbine that runs before it."""
 WINDOWS = (0.0, 1.0, 3.0, 6.0, 12.0)

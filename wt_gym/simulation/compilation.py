@@ -61,7 +61,7 @@ def compile_once(
         if _under_way or coupling.was_compiled():
             return
         _announce(coupling, turbine)
-        # one of many processes, which all begin at once, or another one that was told to compile alone
+        # one of many processes, which all begin at once, or another one that is to compile alone
         is_worker = multiprocessing.parent_process() is not None or COMPILE_ALONE in os.environ
         if usable_cores() > 1 and get_executable() and not is_worker:
             with_help(turbine, fidelity)
