@@ -19,7 +19,7 @@ from wt_gym.envs.wind_sampler import WindOptions, WindSampler
 from wt_gym.hydrodynamics.waves import SeaState
 from wt_gym.turbines import load_turbine
 
-OC4 = "wt_gym/OC4-FloatingLoadReduction-v1"
+OC4, VOLTURNUS = (f"wt_gym/{name}-FloatingLoadReduction-v1" for name in ("OC4", "VolturnUS"))
 FLOATING = [recorded for recorded in CATALOG if recorded.turbine in ("oc4_nrel_5mw", "volturnus_iea_15mw")]
 
 
@@ -134,7 +134,10 @@ def test_wave_files_have_names_units_and_no_slow_content(tmp_path):
 def test_the_slow_motion_of_a_start_fits_the_wind(recorded):
     """Between two recorded winds it has the mean between them, and no more spread than they have."""
     turbine, rng = load_turbine(recorded.turbine), np.random.default_rng(0)
-    (_, record), winds = find_record(turbine, 1.0), WindSampler(turbine, WindOptions(inflow="turbulent"))
+    (_, record), winds = (
+        find_record(turbine, 1.0, recorded.controller == "floating"),
+        WindSampler(turbine, WindOptions(inflow="turbulent")),
+    )
     count, first = recorded.runs * PLAN.instants, recorded_speeds(turbine).tolist().index(14.0)
     beside = [np.array([record.at(turbine, (first + k) * count + i).platform for i in range(count)]) for k in (0, 1)]
     mean, spread = (0.5 * sum(f(each, axis=0) for each in beside) for f in (np.mean, np.std))
@@ -146,12 +149,26 @@ def test_the_slow_motion_of_a_start_fits_the_wind(recorded):
         assert 0.6 < starts[:, place].std() / spread[place] < 1.4
 
 
+@pytest.mark.parametrize("controller", ["discon", "rosco:floating=0", "rosco:floating=2", "floating+linear_optimal"])
+def test_a_controller_that_damps_the_platform_starts_as_one_that_did(controller):
+    """The pitch of VolturnUS-S swings under `discon` by 2 to 4 deg, under floating feedback by less than half of it."""
+    if controller.startswith("rosco"):
+        pytest.importorskip("rosco")
+    env = gym.make(VOLTURNUS, controller=controller, wind_speed=14.0, starts=None, relative_reward=False).unwrapped
+    env.reset(seed=0)
+    memory = env.starts.draw(np.random.default_rng(0), None, None).start.memory
+    assert memory.kind.endswith("FloatingFeedback") == (controller[-1] in "2l")
+
+
 @pytest.mark.slow
-def test_the_first_minute_is_as_unsteady_as_the_later_ones():
+@pytest.mark.parametrize(("task", "controller"), [(OC4, "discon"), (VOLTURNUS, "floating")])
+def test_the_first_minute_is_as_unsteady_as_the_later_ones(task, controller):
     """Variance over starts and time; surge had 2.5 times the settled one from records of two runs in still water."""
 
     def motion(seed, steps):
-        env = gym.make(OC4, steps, wind_speed=15.0, starts=None, relative_reward=False, overspeed_limit=1.4)
+        env = gym.make(
+            task, steps, controller=controller, wind_speed=15.0, starts=None, relative_reward=False, overspeed_limit=1.4
+        )
         env.reset(seed=seed)
         rows = []
         for _ in range(steps):
@@ -202,7 +219,7 @@ def test_a_turbine_on_land_has_no_lines():
 
 
 def test_the_wash_out_is_no_shorter_than_a_minute_and_training_looks_a_minute_ahead():
-    for name in (OC4, OC4.replace("OC4", "VolturnUS")):
+    for name in (OC4, VOLTURNUS):
         env = gym.make(name).unwrapped
         assert env.options.controller.residual_washout >= 60.0
         assert env.control_dt / (1.0 - 0.995) == pytest.approx(60.0)

@@ -475,7 +475,7 @@ def test_defects_of_a_uniform_wind_file_are_named(tmp_path, content, message):
 
 
 def test_a_step_is_sharp_and_a_ramp_is_straight():
-    step = SeriesInflow.step(8.0, 12.0, 10.0, shear_exponent=0.2)
+    step = SeriesInflow.ramp(8.0, 12.0, 10.0, shear_exponent=0.2)
     below = [0.0, 0.0, 45.0]
     assert step.velocity(below, np.nextafter(10.0, 0.0))[0] == pytest.approx(8.0 * 0.5**0.2, rel=1e-12)
     assert step.velocity(below, 10.0)[0] == pytest.approx(12.0 * 0.5**0.2, rel=1e-12)
@@ -515,7 +515,7 @@ def test_a_traveling_series_is_met_earlier_upwind():
 
 
 def test_copies_and_pickles_are_equal_and_keep_the_kernel():
-    wind = SeriesInflow.step(8.0, 12.0, 10.0)
+    wind = SeriesInflow.ramp(8.0, 12.0, 10.0)
     for copy in (pickle.loads(pickle.dumps(wind)), deepcopy(wind)):
         assert copy == wind
         assert hash(copy) == hash(wind)

@@ -33,6 +33,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "turbines", nargs="*", metavar="TURBINE", help="windIO files and OpenFAST models; with --package records of it"
     )
+    parser.add_argument("--floating", action="store_true", help="under floating feedback, for episodes under it")
     parser.add_argument("--package", action="store_true", help="make the records of the package")
     add_shared(
         parser, fidelity={"help": f"of the runs: {FIDELITIES_HELP} (default: by the blades)"},
@@ -86,11 +87,12 @@ def _of_user(arguments: argparse.Namespace) -> dict[str, RecordedTurbine]:
     from wt_gym.envs.record_store import RecordedTurbine, digest_of_turbine
     from wt_gym.turbines import load_turbine
 
-    records = {}
+    records, controller = {}, "floating" if arguments.floating else "discon"
     for path in arguments.turbines:
         turbine = load_turbine(path)
         name = re.sub(r"\W+", "_", turbine.name).strip("_").lower()
-        records[f"{name}-{digest_of_turbine(turbine)}"] = RecordedTurbine(path, fidelity=arguments.fidelity)
+        file = f"{name}-{digest_of_turbine(turbine)}" + "-floating" * arguments.floating
+        records[file] = RecordedTurbine(path, controller, fidelity=arguments.fidelity)
     return records
 
 

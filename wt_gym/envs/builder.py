@@ -13,8 +13,9 @@ from gymnasium.error import ResetNeeded
 
 from wt_gym.base.options import check_whole_steps
 from wt_gym.control import ActionMap, AgentSetpoint, Demand
-from wt_gym.control.controllers import AboveRated, Controller, starting_part
+from wt_gym.control.controllers import AboveRated, Controller
 from wt_gym.control.controllers.additions import ResidualPitch
+from wt_gym.control.controllers.controller import damps_platform, starting_part
 from wt_gym.control.controllers.names import ALIASES, BASELINE, make_controller
 from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.envs import rewards
@@ -217,7 +218,7 @@ def build(env: Parts, options: EnvOptions) -> None:
     if supervisor_of(controller) is None and "set_point" in action.components:
         raise ValueError("action_components 'set_point' needs a base controller with a supervisor: 'discon+supervisor'")
     env.starts = EpisodeStarts(
-        turbine, env.wind, env.terms, _running_start(env), options.starts, starting_part(controller)
+        turbine, env.wind, env.terms, _running_start(env, controller), options.starts, starting_part(controller)
     )  # fmt: skip
 
 
@@ -302,13 +303,13 @@ def _build_observer(env: Parts) -> int:
     return late
 
 
-def _running_start(env: Parts) -> RunningStart | None:
+def _running_start(env: Parts, controller: Controller | None) -> RunningStart | None:
     """Starts of the running turbine, None where episodes start steadily."""
     if env.options.start == "steady" or env.wind.parks:
         return None
     references = env.terms.get("power_reference")
     level = references.mean_share(env.turbine.cut_out) if isinstance(references, PowerReferenceTerm) else 1.0
-    return RunningStart(env.turbine, env.fidelity, env.limits.overspeed, level)
+    return RunningStart(env.turbine, env.fidelity, env.limits.overspeed, level, damps_platform(controller))
 
 
 def _twin(env: Parts) -> WindTurbineEnv:

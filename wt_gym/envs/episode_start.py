@@ -217,10 +217,15 @@ class RunningStart:
         Rotor speed over rated at which an episode ends.
     level : float
         Demanded power over the power that the wind allows [-].
+    floating : bool
+        The base controller damps the platform.
     """
 
-    def __init__(self, turbine: Turbine, fidelity: str | Fidelity, overspeed_limit: float, level: float = 1.0):
-        self._turbine, self._fidelity, self._level = turbine, fidelity, level
+    def __init__(
+        self, turbine: Turbine, fidelity: str | Fidelity, overspeed_limit: float, level: float = 1.0,
+        floating: bool = False,
+    ):  # fmt: skip
+        self._turbine, self._fidelity, self._level, self._floating = turbine, fidelity, level, floating
         self._fastest = _HIGHEST * overspeed_limit * turbine.drivetrain.rated_rotor_speed
 
     def draw(self, wind: EpisodeWind, yaw: float, rng: np.random.Generator, azimuth: float | None) -> Start | None:
@@ -235,7 +240,7 @@ class RunningStart:
         number, speed = float(rng.random()), self._speed(wind, yaw)
         if speed is None or not self._turbine.cut_in <= speed <= self._turbine.cut_out:
             return None
-        result = find_record(self._turbine, self._level)
+        result = find_record(self._turbine, self._level, self._floating)
         if result is None:
             _report_missing(self._turbine.name)
             return None

@@ -133,17 +133,21 @@ def recorded_speeds(turbine: Turbine) -> NDArray[np.float64]:
     return np.array([low, *between.tolist(), high])
 
 
-def find_record(turbine: Turbine, level: float) -> tuple[StartFile, Record] | None:
-    """Record of a turbine, of the package or the user, with the nearest `StartFile.level`; None where there is none."""
-    path = _path_of(turbine, level)
+def find_record(turbine: Turbine, level: float, floating: bool = False) -> tuple[StartFile, Record] | None:
+    """Record of a turbine, of the package or the user, with the nearest `StartFile.level`; None where there is none.
+
+    With ``floating`` one under a controller that damps the platform goes before others.
+    """
+    path = _path_of(turbine, level, floating)
     record = None if path is None else _read(path)
     return None if path is None or record is None else (_heads()[path], record)
 
 
 def user_record_digest(turbine: Turbine) -> str | None:
-    """Digest of the record of the user from which episodes of a turbine start; None where it is another or none."""
-    path = _path_of(turbine, 1.0)
-    return None if path is None or path.parent == FOLDER or _read(path) is None else _digest_of_file(path)
+    """Digest of the records of the user from which episodes of a turbine start; None where there are others or none."""
+    paths = {_path_of(turbine, 1.0, floating) for floating in (False, True)}
+    own = [path for path in paths if path is not None and path.parent != FOLDER and _read(path) is not None]
+    return "-".join(sorted(map(_digest_of_file, own))) or None
 
 
 def digest_of_turbine(turbine: Turbine) -> str:
@@ -183,13 +187,17 @@ def record_canary(turbine: Turbine, fidelity: str, controller: str, level: float
     return cached_canary("record", fingerprint(turbine, fidelity, controller, level), measure)
 
 
-def _path_of(turbine: Turbine, level: float) -> Path | None:
+def _path_of(turbine: Turbine, level: float, floating: bool) -> Path | None:
     """File of the record of a turbine with the nearest level: one of the package, else one of the user."""
     named = [path for path, file in _heads().items() if file.fits(turbine)]
     fitting = [path for path in named if path.parent == FOLDER and _is_of_catalog(path.stem, turbine)]
     if not fitting:
         fitting = [path for path in named if path.parent != FOLDER and _is_of_user(path, turbine)]
-    return min(fitting, key=lambda one: abs(_heads()[one].level - level), default=None)
+    heads = _heads()
+    distances = {
+        path: (abs(heads[path].level - level), (heads[path].controller == "floating") != floating) for path in fitting
+    }
+    return min(fitting, key=distances.__getitem__, default=None)
 
 
 @lru_cache(maxsize=64)
@@ -311,7 +319,8 @@ class RecordedTurbine:
     @property
     def name(self) -> str:
         """Name of the file in the package."""
-        return self.turbine if self.level == 1.0 else f"{self.turbine}-{self.level:g}"
+        apart = [f"{self.level:g}"] * (self.level != 1.0) + ["floating"] * (self.controller == "floating")
+        return "-".join([self.turbine, *apart])
 
     @property
     def run_fidelity(self) -> str:
@@ -356,6 +365,7 @@ class RecordedTurbine:
 CATALOG = (
     *(RecordedTurbine(name, runs=_RUNS.get(name, 4)) for name in RECORDS),
     RecordedTurbine("nrel_5mw", "discon+derate_kinetic", 0.85, runs=8),
+    RecordedTurbine("volturnus_iea_15mw", "floating", runs=8),
 )
 """Records of the package: they serve every id of an environment with its default options."""
 

@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 
 from wt_gym.control import Demand
 from wt_gym.control.controllers import Controller, Readings, WithDemandedPower, checked_demand, readings_of
-from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of, remember
+from wt_gym.control.controllers.controller import Memory, changing_parts, memory_of, remember, standing
 from wt_gym.control.operating_point import starting_point
 from wt_gym.control.sensors import to_blades, to_fixed_frame
 from wt_gym.envs.power import AZIMUTHS, RINGS, disc_points
@@ -86,13 +86,11 @@ class Start:
             self,
             tower_top=None if self.tower_top is None else self.tower_top * TOWER_TOP_PARITIES,
             deviations={name: deviation * of[name] for name, deviation in self.deviations.items()},
-            trail=None if self.trail is None else self.trail * parities(n_blades, self._n_lines),
+            trail=None
+            if self.trail is None
+            else self.trail * parities(n_blades, Signals(self.trail, n_blades).n_lines),
             platform=None if self.platform is None else self.platform * np.tile(REFLECTION_6, 2),
         )
-
-    @property
-    def _n_lines(self) -> int | None:
-        return None if self.trail is None else Signals(self.trail, len(self.pitch)).n_lines
 
     def start(self, controller: Controller, readings: Readings, demand: Demand) -> None:
         """Start a controller from the current demand and readings, with the memory that fits it."""
@@ -272,9 +270,7 @@ class ControllerForm(NamedTuple):
 
     def put(self, controller: Controller) -> None:
         """Put it into a controller of that kind and with those parameters, or into such a base of it; into no other."""
-        inner: Any = controller
-        while inner is not None and kind_of(inner) != self.kind:
-            inner = getattr(inner, "base", None)
+        inner = next((each for each in standing(controller) if kind_of(each) == self.kind), None)
         if inner is None or not np.array_equal((present := memory_of(inner)).sizes, self.sizes):
             return
         # a number that the first step sets, as the step of a filter, is none before
@@ -309,7 +305,8 @@ class Record:
         self._n_blades, self._speeds, self._controller = n_blades, speeds, controller
         self._columns = columns = RowLayout.of(n_blades, n_motion)
         self._has_motion = n_motion > 0
-        self._history = rows[:, :, columns.history]
+        self._history, motion = rows[:, :, columns.history], rows[:, :, columns.motion]
+        self._platform = motion.mean(axis=1), motion.var(axis=1) + 1e-30  # a motion may rest
         followed = [_followed(at_speed, n_blades) for at_speed in rows]
         spread = [np.maximum(motion.std(axis=0), 1e-9 * np.abs(motion).max(axis=0) + 1e-30) for motion in followed]
         fits = [_linear_fit(*parts) for parts in zip(self._history, followed, strict=True)]
@@ -355,21 +352,16 @@ class Record:
             return None
         instant = int(alike[int(number * len(alike))])
         change = (history - self._rows[instant, self._columns.history]) @ self._responses[instant // self._per_speed]
-        if turbine.floater is None:
-            return self.at(turbine, instant, azimuth, change)
-        change[self._columns.motion] = self._platform_change(instant, speed)
+        if turbine.floater is not None:
+            change[self._columns.motion] = self._platform_change(instant, speed)
         start = self.at(turbine, instant, azimuth, change)
-        assert start.platform is not None
-        return replace(start, platform=_along(start.platform, yaw))
+        return start if start.platform is None else replace(start, platform=_along(start.platform, yaw))
 
     def _platform_change(self, instant: int, speed: float) -> NDArray[np.float64]:
         """Change of the motion of a platform (12,) by its mean and variance from an instant to a wind speed [m/s]."""
-        rows = self._rows[:, self._columns.motion].reshape(len(self._speeds), self._per_speed, -1)
+        means, variances = self._platform
         own, row = instant // self._per_speed, self._rows[instant, self._columns.motion]
-        means, variances = rows.mean(axis=1), rows.var(axis=1) + 1e-30  # a motion may rest
-        mean, variance = (
-            np.array([np.interp(speed, self._speeds, of) for of in each.T]) for each in (means, variances)
-        )
+        mean, variance = (np.array([np.interp(speed, self._speeds, of) for of in each.T]) for each in self._platform)
         return np.asarray(mean + (row - means[own]) * np.sqrt(variance / variances[own]) - row)
 
     def at(

@@ -171,21 +171,22 @@ class SeaTerm(Term):
     def groups(self) -> dict[str, list[Observed]]:
         """Motion of the platform as its sensors read it: tilt and its rates, accelerations; elevation of the sea."""
         rows = [
-            ("platform_roll", "rad", 0.0, 0.01, 0.5, 1e-3, ODD, "roll of the platform"),
-            ("platform_pitch", "rad", 0.04, 0.02, 0.5, 1e-3, EVEN, "pitch of the platform"),
-            ("platform_roll_rate", "rad/s", 0.0, 0.002, 0.2, 1e-4, ODD, "roll rate of the platform"),
-            ("platform_pitch_rate", "rad/s", 0.0, 0.005, 0.2, 1e-4, EVEN, "pitch rate of the platform"),
-            ("platform_surge_acceleration", "m/s^2", 0.0, 0.2, 5.0, 0.01, EVEN, "surge acceleration of the platform"),
-            ("platform_sway_acceleration", "m/s^2", 0.0, 0.05, 5.0, 0.01, ODD, "sway acceleration of the platform"),
+            ("roll", "rad", 0.0, 0.01, 0.5, 1e-3, ODD),
+            ("pitch", "rad", 0.04, 0.02, 0.5, 1e-3, EVEN),
+            ("roll rate", "rad/s", 0.0, 0.002, 0.2, 1e-4, ODD),
+            ("pitch rate", "rad/s", 0.0, 0.005, 0.2, 1e-4, EVEN),
+            ("surge acceleration", "m/s^2", 0.0, 0.2, 5.0, 0.01, EVEN),
+            ("sway acceleration", "m/s^2", 0.0, 0.05, 5.0, 0.01, ODD),
+            ("surge", "m", 0.0, 5.0, 60.0, 0.1, EVEN),
+            ("sway", "m", 0.0, 5.0, 60.0, 0.1, ODD),
         ]
-        motion = [
-            Observed(Channel(name, unit, middle, scale, -limit, limit, noise, text, parity=parity), name)
-            for name, unit, middle, scale, limit, noise, parity, text in rows
-        ]
-        place = ("m", 0.0, 5.0, -60.0, 60.0, 0.1)
-        position = [
-            Observed(Channel("platform_surge", *place, "surge of the platform"), "platform_surge"),
-            Observed(Channel("platform_sway", *place, "sway of the platform", parity=ODD), "platform_sway"),
+        observed = [
+            Observed(
+                Channel(name, unit, middle, scale, -limit, limit, noise, f"{text} of the platform", parity=parity), name
+            )
+            for text, unit, middle, scale, limit, noise, parity in rows
+            for name in [f"platform_{text.replace(' ', '_')}"]
         ]
         wave = Channel("wave_elevation", "m", 0.0, 1.0, -30.0, 30.0, 0.05, "elevation of the sea at the origin")
-        return {"platform": motion, "platform_position": position, "wave": [Observed(wave, "wave_elevation")]}
+        groups = {"platform": observed[:6], "platform_position": observed[6:]}
+        return {**groups, "wave": [Observed(wave, "wave_elevation")]}

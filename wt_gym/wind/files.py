@@ -423,7 +423,7 @@ _FILES = {
 }
 _KINDS = {
     "steady": _Form(SteadyInflow, ("speed",), ("hub_height", *_MEAN_WIND), ("hub_height",)),
-    "step": _Form(SeriesInflow.step, ("before", "after", "time"), _CHANGES, _CHANGES[:2]),
+    "step": _Form(SeriesInflow.ramp, ("before", "after", "time"), _CHANGES, _CHANGES[:2]),
     "ramp": _Form(SeriesInflow.ramp, ("before", "after", "time", "duration"), _CHANGES, _CHANGES[:2]),
 }
 SUFFIXES = (*(suffix for suffix in _FILES if suffix.startswith(".")), ".json")

@@ -155,25 +155,15 @@ class SeriesInflow(PointInflow):
         return cls(arrays["time"], table, **more)
 
     @classmethod
-    def step(
-        cls, before: float, after: float, time: float, *, shear_exponent: float = 0.0, **more: Any
-    ) -> "SeriesInflow":
-        """A step of the wind speed.
-
-        Parameters
-        ----------
-        before, after : float
-            Speeds at hub height [m/s].
-        time : float
-            Of the step [s].
-        **more
-            Further parameters of the class.
-        """
-        return cls.ramp(before, after, time, 0.0, shear_exponent=shear_exponent, **more)
-
-    @classmethod
     def ramp(
-        cls, before: float, after: float, time: float, duration: float, *, shear_exponent: float = 0.0, **more: Any
+        cls,
+        before: float,
+        after: float,
+        time: float,
+        duration: float = 0.0,
+        *,
+        shear_exponent: float = 0.0,
+        **more: Any,
     ) -> "SeriesInflow":
         """A wind speed that changes in a straight line.
 

@@ -246,18 +246,7 @@ class TurbulentInflow(OnSteadyWind, CarriedInflow):
         return f"{box.description}, {box.duration:g} s{offset}, {profile}{held}"
 
     def require_cover(self, hub_height: float, rotor_diameter: float) -> None:
-        """Refuse a rotor that the grid does not reach around, or warn, as ``beyond_grid`` says.
-
-        Parameters
-        ----------
-        hub_height, rotor_diameter
-            Of the turbine [m].
-
-        Raises
-        ------
-        InflowError
-            See `TurbulenceBox.require_cover`.
-        """
+        """Refuse a rotor that the grid does not reach around, or warn, as ``beyond_grid`` says (`Inflow`)."""
         self.box.require_cover(hub_height, rotor_diameter, hold=self.beyond_grid == "hold")
 
     def _fill_from(self, box: TurbulenceBox, rows: Array, time: float, out: Array) -> int:

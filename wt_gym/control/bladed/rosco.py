@@ -372,6 +372,11 @@ class RoscoController(BladedController):
         return self._derate is None and self._start_stop is None
 
     @property
+    def damps_platform(self) -> bool:
+        """Its floating feedback is on."""
+        return re.search(r"^\s*[12]\s+!\s*Fl_Mode\b", self._plain_input, re.MULTILINE) is not None
+
+    @property
     def in_production(self) -> bool:
         """True unless it may stop the turbine: with ``start_stop`` the library does not tell its stages."""
         return self._start_stop is None

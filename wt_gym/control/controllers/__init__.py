@@ -29,7 +29,6 @@ from wt_gym.control.controllers.controller import (
     part_of,
     parts_of,
     readings_of,
-    starting_part,
 )
 from wt_gym.control.controllers.discon import BaselineParameters, DisconController, nrel_5mw_parameters
 from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
@@ -66,7 +65,7 @@ __all__ = [
     "WithDemandedPower", "WithLidar", "YawByDeadBand", "checked_demand", "controller_parameters",
     "controller_summary", "declared_parameters", "fault_supervisor_of", "from_harmonic", "lidar_of",
     "make_controller", "name_and_parameters", "nrel_5mw_parameters", "parse_name", "part_of", "parts_of",
-    "readings_of", "retuned_parameters", "rotor_table", "starting_part", "supervisor_of", "to_harmonic",
+    "readings_of", "retuned_parameters", "rotor_table", "supervisor_of", "to_harmonic",
 ]  # fmt: skip
 
 

@@ -209,15 +209,17 @@ def parts_of(controller: Controller | Addition) -> tuple[Controller | Addition, 
     return (controller.base, *controller.additions) if isinstance(controller, Combined) else (controller,)
 
 
+def standing(controller: Any) -> Iterator[Any]:
+    """A controller or an addition, its base, the base of that, and so on."""
+    while controller is not None:
+        yield controller
+        controller = getattr(controller, "base", None)
+
+
 def part_of(controller: Controller | None, kind: type[T]) -> T | None:
     """Part of a class among the parts of a controller and what these stand on, the outermost; None without any."""
-    for part in (controller, *(controller.additions if isinstance(controller, Combined) else ())):
-        inner: Any = part
-        while inner is not None:
-            if isinstance(inner, kind):
-                return inner
-            inner = getattr(inner, "base", None)
-    return None
+    parts = (controller, *(controller.additions if isinstance(controller, Combined) else ()))
+    return next((inner for part in parts for inner in standing(part) if isinstance(inner, kind)), None)
 
 
 def starting_part(controller: Controller | None) -> StartsTurbine | None:
@@ -227,12 +229,13 @@ def starting_part(controller: Controller | None) -> StartsTurbine | None:
 
 def lidar_of(controller: Controller | None) -> Lidar | None:
     """Lidar that a controller or its base reads: the attribute ``lidar``, if that is a `Lidar`; None without any."""
-    inner: Any = controller
-    while inner is not None:
-        if isinstance(lidar := getattr(inner, "lidar", None), Lidar):
-            return lidar
-        inner = getattr(inner, "base", None)
-    return None
+    lidars = (getattr(inner, "lidar", None) for inner in standing(controller))
+    return next((lidar for lidar in lidars if isinstance(lidar, Lidar)), None)
+
+
+def damps_platform(controller: Controller | None) -> bool:
+    """Return True if a part answers to the motion of a platform, by its attribute ``damps_platform``."""
+    return any(getattr(inner, "damps_platform", False) for inner in standing(controller))
 
 
 def readings_of(

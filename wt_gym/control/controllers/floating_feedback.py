@@ -124,6 +124,8 @@ class FloatingFeedback:
         See `floating_gain`; for a base whose pitch law is not known.
     """
 
+    damps_platform = True
+
     def __init__(self, turbine: Turbine, base: Controller, **parameters: Any):
         o = FloatingOptions(**parameters)
         law = part_of(base, DisconController)
