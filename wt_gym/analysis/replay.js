@@ -36,9 +36,9 @@
 
   // ---------------------------------------------------------------- scene
   function camera(width, height) {
-    const reach = data.size, high = data.sea ? 3.4 : 2.9;  // with what is below a sea
+    const reach = data.size, high = data.sea ? 3.4 : 3.2;  // with what is below a sea, or the marks on the ground
     const scale = zoom * Math.min(height / (high * reach), width / (3.6 * reach));
-    const center = [0.75 * reach, 0, (data.sea ? 0.75 : 0.9) * data.hub_height];
+    const center = [0.75 * reach, 0, 0.75 * data.hub_height];
     const ca = Math.cos(azimuth), sa = Math.sin(azimuth), ce = Math.cos(elevation), se = Math.sin(elevation);
     const distance = (data.sea ? 24 : 9) * reach;  // anchors are farther from the tower than the ends of a wake
     return function (x, y, z) {
