@@ -60,9 +60,8 @@ def test_the_sea_of_an_episode_without_end_repeats_after_an_hour(turbine):
     term, rng = SeaTerm(turbine, None, False), np.random.default_rng(2)
     spacings = []
     for length in (300.0, 1200.0, 3e8, None):
-        request = SimpleNamespace(
-            options={}, rng=rng, wind=SimpleNamespace(wind_speed=12.0), length=length, drawn={}
-        )  # fmt: skip
+        wind = SimpleNamespace(wind_speed=12.0)
+        request = SimpleNamespace(options={}, rng=rng, wind=wind, length=length, drawn={})
         term.draw(request)
         spacings.append(np.diff(request.drawn["sea"].components.frequency).min())
     np.testing.assert_allclose(2.0 * np.pi / np.array(spacings), [600.0, 1200.0, 3600.0, 3600.0], rtol=1e-6)
@@ -184,23 +183,16 @@ def test_the_first_minute_is_as_unsteady_as_the_later_ones(task, controller):
 
 
 def test_high_speed_costs_from_115_percent_on(turbine):
-    rated = turbine.drivetrain.rated_rotor_speed
-    values = [
-        HighSpeed(2.0)(SimpleNamespace(turbine=turbine, after={"rotor_speed": share * rated})) for share in (1.14, 1.2)
-    ]
+    rated, term = turbine.drivetrain.rated_rotor_speed, HighSpeed(2.0)
+    values = [term(SimpleNamespace(turbine=turbine, after={"rotor_speed": x * rated})) for x in (1.14, 1.2)]
     assert values == pytest.approx([0.0, -1.0])
 
 
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({}, None),
-        ({"platform_roll": 0.2, "platform_pitch": 0.2}, "platform_tilt"),
-        ({"platform_pitch": -0.27}, "platform_tilt"),
-        ({"fairlead_tension": np.array([1e6, 6.1e6, 1e6])}, "line_tension"),
-        ({"rotor_speed_max": 1.26}, "overspeed"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "reason"), [
+    ({}, None), ({"platform_roll": 0.2, "platform_pitch": 0.2}, "platform_tilt"),
+    ({"platform_pitch": -0.27}, "platform_tilt"), ({"rotor_speed_max": 1.26}, "overspeed"),
+    ({"fairlead_tension": np.array([1e6, 6.1e6, 1e6])}, "line_tension"),
+])  # fmt: skip
 def test_limits_of_a_floater(changes, reason):
     signals = {
         "rotor_speed_max": 1.1, "rotor_speed": 1.0, "platform_roll": 0.1, "platform_pitch": 0.2,
@@ -254,23 +246,18 @@ def alone(env):
     return episode(env, lambda k, signals: np.zeros(4))
 
 
+EXPLOITS = {
+    "rest at a pitch that lowers the thrust": lambda k, signals: (1.0, 0.0, 0.0, 0.0),
+    "slow saw-tooth of the mean": lambda k, signals: ((k % 400) / 200.0 - 1.0, 0.0, 0.0, 0.0),
+    "yaw the platform out of the wind": lambda k, signals: (0.0, 0.0, 1.0, 0.0),
+    "less torque": lambda k, signals: (0.0, 0.0, 0.0, -1.0),
+    "switch with the roll": lambda k, signals: (0.0, 0.0, 0.0, math.copysign(1.0, signals["platform_roll_rate"])),
+    "pump the platform": lambda k, signals: (-60.0 * signals["platform_pitch_rate"], 0.0, 0.0, 0.0),
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "act",
-    [
-        pytest.param(lambda k, signals: (1.0, 0.0, 0.0, 0.0), id="rest at a pitch that lowers the thrust"),
-        pytest.param(lambda k, signals: ((k % 400) / 200.0 - 1.0, 0.0, 0.0, 0.0), id="slow saw-tooth of the mean"),
-        pytest.param(lambda k, signals: (0.0, 0.0, 1.0, 0.0), id="yaw the platform out of the wind"),
-        pytest.param(lambda k, signals: (0.0, 0.0, 0.0, -1.0), id="less torque"),
-        pytest.param(
-            lambda k, signals: (0.0, 0.0, 0.0, math.copysign(1.0, signals["platform_roll_rate"])),
-            id="torque that switches with the roll rate",
-        ),
-        pytest.param(
-            lambda k, signals: (-60.0 * signals["platform_pitch_rate"], 0.0, 0.0, 0.0), id="pump the platform"
-        ),
-    ],
-)
+@pytest.mark.parametrize("act", EXPLOITS.values(), ids=EXPLOITS)
 def test_an_exploit_earns_less_than_nothing(env, alone, act):
     tried = episode(env, act)
     assert not tried.terminated

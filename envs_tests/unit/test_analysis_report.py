@@ -253,19 +253,19 @@ def test_a_floating_turbine_has_its_sea_platform_and_lines(evaluation, tmp_path)
     recorder, line = ReplayRecorder(3), np.linspace([800.0, 0.0, -200.0], [40.0, 0.0, -14.0], 30)
     for k in (0, 1):
         platform = {"platform": np.array([[[0.0, 0.0, -20.0], [0.0, 0.0, 10.0]]]), "platform_radius": np.array([6.0])}
-        recorder.append(TIME[k], geometry(k) | platform | {"lines": line[None]})
+        sea = np.stack([*np.mgrid[0.0:3.0, 0.0:2.0], np.full((3, 2), 1.0 - 2.0 * k)], axis=2)
+        recorder.append(TIME[k], geometry(k) | platform | {"lines": line[None], "sea": sea})
     replay = recorder.to_replay()
-    assert replay.floater_radius.tolist() == [6.0] + 6 * [0.0]
+    assert replay.floater_radius.tolist() == [6.0] + 12 * [0.0]
     assert np.allclose(replay.floater[0, 1:, 0][0], line[0])
     assert np.allclose(replay.floater[0, -1, 1], line[-1])
 
     names = ("wave_elevation", "platform_pitch", "platform_surge", "fairlead_tension_1", "fairlead_tension_2")
-    runs = [
-        replace(
-            run, data=run.data.assign({name: run.data.wind_x * (k + 1) for k, name in enumerate(names)}), replay=replay
-        )
-        for run in evaluation.runs
-    ]
+    more = {name: evaluation.runs[0].data.wind_x * (k + 1) for k, name in enumerate(names)}
+    runs = []
+    for run in evaluation.runs:
+        sea = f"Hs {run.wind.speed / 4:g} m, Tp 9.68 s, towards {run.wind.seed - 1003} deg"
+        runs.append(replace(run, data=run.data.assign(more).assign_attrs(sea=sea), replay=replay))
     floating = replace(evaluation, runs=runs)
     land, figure = (time_series_figure(one, WINDS[0]) for one in (evaluation, floating))
     added = [trace.name for trace in figure.data if trace.yaxis in ("y8", "y9", "y10", "y11")]
@@ -277,8 +277,11 @@ def test_a_floating_turbine_has_its_sea_platform_and_lines(evaluation, tmp_path)
     page = write_report(floating, tmp_path / "report.html").read_text(encoding="utf-8")
     shown = json.loads(re.search(r"id='replay-data'>(.*?)</script>", page, re.DOTALL)[1])
     assert shown["sea"]
-    assert shown["floater_radius"] == [6.0] + 6 * [0.0]
-    assert np.allclose(shown["agents"][0]["signals"]["wave"], runs[0].data.wind_x[:2], atol=1e-3)
+    assert shown["floater_radius"] == [6.0] + 12 * [0.0]
+    assert np.shape(shown["sea_place"]) == (3, 2, 2)
+    assert shown["agents"][0]["shapes"]["sea"] == encode([[[1.0] * 2] * 3, [[-1.0] * 2] * 3], 8)
+    assert "<dt>Sea</dt><dd>Hs 3 to 4 m, Tp 9.68 s, towards \u22122 to 0 deg</dd>" in page
+    assert part(page, "verdict").count("Platform pitch, std</span>1.000 deg") == 3
 
 
 def test_seeds_of_a_training_share_a_figure(evaluation):

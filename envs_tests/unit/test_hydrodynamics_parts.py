@@ -134,14 +134,13 @@ class TestHydrostatics:
         np.testing.assert_allclose(force, [-7.0, 6.0, 1e7, *turned[:2], -1.5], rtol=1e-9)
 
     def test_refusals(self):
-        with pytest.raises(TurbineDefinitionError, match=r"Platform\.mass must be at most .* 1e\+06 kg, got 2000000"):
-            box(mass=2e6)
-        with pytest.raises(TurbineDefinitionError, match=r"hydrostatic must be 0 in surge"):
-            box(hydrostatic=np.eye(6))
-        with pytest.raises(TurbineDefinitionError, match=r"members must be a tuple of DragMember"):
-            box(members=(1,))
-        with pytest.raises(TurbineDefinitionError, match=r"inertia must be that of a body"):
-            box(inertia=np.diag([1.0, 1.0, 2.01]))
+        for options, message in (
+            ({"mass": 2e6}, r"Platform\.mass must be at most .* 1e\+06 kg, got 2000000"),
+            ({"hydrostatic": np.eye(6)}, "hydrostatic must be 0 in surge"), ({"members": (1,)}, "tuple of DragMember"),
+            ({"inertia": np.diag([1.0, 1.0, 2.01])}, "inertia must be that of a body"),
+        ):  # fmt: skip
+            with pytest.raises(TurbineDefinitionError, match=message):
+                box(**options)
         assert box(inertia=np.diag([726.9e6, 726.9e6, 1453.9e6]))  # of a flat barge, as published
 
 
@@ -205,6 +204,18 @@ class TestDrag:
         points = drag_points((DragMember((0.0, 0.0, 4.0), (0.0, 3.0, -4.0), 2.0, 0.5),), (), 1000.0, spacing=1.0)
         assert points.across.sum() == pytest.approx(500.0 * np.hypot(1.5, 4.0))
         np.testing.assert_allclose(points.position.mean(axis=0), [0.0, 2.25, -2.0])
+
+    def test_members_without_drag_are_drawn_only(self):
+        """VolturnUS-S (NREL/TP-5000-76773, section 2): columns, pontoons 12.5 m wide and 7 m high, struts."""
+        loads = PlatformLoads(load_platform("volturnus_s"), 0.1)
+        (ends, radius), diameters = loads.outline(), [10.0, *[12.5] * 3, *[7.0] * 6, *[0.9] * 3]
+        assert len(loads.arrays.point_across) == 0
+        np.testing.assert_allclose(2.0 * radius, diameters)
+        np.testing.assert_allclose(ends[:4, :, 2], [[-20.0, 15.0]] * 4)  # draft and freeboard
+        np.testing.assert_allclose(np.hypot(*ends[:4, 1, :2].T), [0.0, 51.75, 51.75, 51.75], atol=1e-4)
+        left, right = ends[4:10:2], ends[5:10:2]
+        np.testing.assert_allclose(np.linalg.norm(left - right, axis=2) + 7.0, 12.5, atol=1e-4)
+        np.testing.assert_allclose([left[..., 2], right[..., 2]], -20.0 + 3.5)
 
     def test_linear_and_quadratic_damping_turn_with_yaw(self):
         linear, quadratic = np.zeros((6, 6)), np.zeros((6, 6))
@@ -312,7 +323,7 @@ class TestWaves:
             with pytest.raises(InflowError, match=message):
                 SeaState("file", file=path, **{"duration": 200.0} | option).components(None, 200.0)
         path.write_text("2.5,nan\n" + path.read_text())
-        with pytest.raises(InflowError, match="finite times and elevations"):
+        with pytest.raises(InflowError, match="2 columns of finite times and elevations"):
             SeaState("file", file=path, duration=200.0).components(None, 200.0)
 
     def test_refusals(self):
@@ -362,6 +373,8 @@ class TestWaves:
         second = sign * table.force[i + 4, j + 1] * 0.7 * np.exp(1j * (omega[1] * time - 2.0))
         np.testing.assert_allclose(loads.arrays.excitation, (first + second).real, rtol=1e-8, atol=1e-2)
         assert loads.arrays.elevation[0] == pytest.approx(sea.elevation(time), abs=1e-9)
+        x, y, z = loads.surface(time, 100.0)[20, 5]
+        assert z == pytest.approx(loads.components.elevation(time, x, y))
         middle = table.at(omega[:1], beta.mean())[0]
         np.testing.assert_allclose(middle, table.force[i, j : j + 2].mean(axis=0))
 

@@ -100,9 +100,7 @@ def test_windio_holds_no_platform(oc4):
 
 def test_ballast_is_a_cylinder(files, oc4, tmp_path):
     """Water from z = -20 to -5 in the main column of 6.5 m with walls of 0.065 m, which stands on z = -20."""
-    group = (
-        "hydrodyn.dat", r"0( +NFillGroups.*\n.*\n.*\n)", r"1\1 1 1 -5.0 default\n",
-    )  # fmt: skip
+    group = "hydrodyn.dat", r"0( +NFillGroups.*\n.*\n.*\n)", r"1\1 1 1 -5.0 default\n"
     platform, empty = written(files, tmp_path, group), oc4.floater
     radius, height = 0.5 * 6.5 - 0.065, 15.0
     mass = 1025.0 * np.pi * radius**2 * height

@@ -106,17 +106,24 @@ def test_camera_looks_from_above():
     assert camera.project([10.0, 0.0, 0.0])[0] > 0.0  # downwind is to the right
 
 
-@pytest.mark.parametrize(
-    ("name", "family", "label"),
-    [
-        ("flap_1 regressive", "blade flap", "blade flap 1, regressive"),
-        ("torsion_1", "tower torsion", "tower torsion 1"),
-        ("torsion_1 progressive", "blade torsion", "blade torsion 1, progressive"),
-        ("shaft_torsion", "drivetrain torsion", "drivetrain torsion"),
-        ("side_side_1", "tower side-side", "tower side-side 1"),
-        ("platform_surge", "platform_surge", "platform surge"),
-    ],
-)
+def test_scene_draws_the_sea_from_far_to_near_and_members_as_thick_as_they_are():
+    scene = Scene(Figure().add_axes((0, 0, 1, 1)), load_turbine("volturnus_iea_15mw"))
+    x, y = np.meshgrid(np.linspace(-100.0, 400.0, 21), [-100.0, 0.0, 100.0], indexing="ij")
+    pontoon = {"platform": np.array([[[0.0, 0.0, -16.5], [45.5, 0.0, -16.5]]]), "platform_radius": np.array([3.5])}
+    scene.draw(geometry() | pontoon | {"sea": np.stack([x, y, np.where(x < 150.0, 2.0, -2.0)], axis=2)})
+    low, *_, high = np.unique(scene._floor.get_facecolors()[:, :3].sum(axis=1))
+    assert len(scene._floor.get_paths()) == 40
+    assert low < scene._floor.get_facecolors()[-1, :3].sum() == high  # the crest is nearer than the trough
+    corners = scene._submerged.get_paths()[-1].vertices
+    assert np.linalg.norm(corners[0] - corners[3]) == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize(("name", "family", "label"), [
+    ("flap_1 regressive", "blade flap", "blade flap 1, regressive"), ("torsion_1", "tower torsion", "tower torsion 1"),
+    ("torsion_1 progressive", "blade torsion", "blade torsion 1, progressive"),
+    ("shaft_torsion", "drivetrain torsion", "drivetrain torsion"),
+    ("side_side_1", "tower side-side", "tower side-side 1"), ("platform_surge", "platform_surge", "platform surge"),
+])  # fmt: skip
 def test_modes_have_names_that_say_what_moves(name, family, label):
     assert mode_family(name) == family
     assert mode_label(name) == label
@@ -173,18 +180,12 @@ def check(expected, obtained, tolerance, quantity="x"):
     return Check(quantity, expected, obtained, tolerance).as_dict()
 
 
-@pytest.mark.parametrize(
-    ("checks", "margin"),
-    [
-        ([check(2.0, 2.1, 0.1), check(1.0, 1.0, 0.1)], 0.5),  # half of the tolerance
-        ([check(2.0, 2.6, 0.1)], 3.0),
-        ([check("<= 2", 1.0, 0.0)], None),
-        ([check("<= 2", 3.0, 0.0)], 1.5),
-        ([check("in [1, 3]", 4.0, 0.0)], 1.5),
-        ([check(">= 0", -0.3, 0.0)], 2.0),  # a sign
-        ([check(0.0, 0.2, absolute(0.1))], 2.0),
-    ],
-)
+@pytest.mark.parametrize(("checks", "margin"), [
+    ([check(2.0, 2.1, 0.1), check(1.0, 1.0, 0.1)], 0.5),  # half of the tolerance
+    ([check(2.0, 2.6, 0.1)], 3.0), ([check("<= 2", 1.0, 0.0)], None), ([check("<= 2", 3.0, 0.0)], 1.5),
+    ([check("in [1, 3]", 4.0, 0.0)], 1.5), ([check(0.0, 0.2, absolute(0.1))], 2.0),
+    ([check(">= 0", -0.3, 0.0)], 2.0),  # a sign
+])  # fmt: skip
 def test_bars_measure_errors_in_tolerances(checks, margin):
     found = pictures.margin({"checks": checks})
     assert found == (None if margin is None else pytest.approx(margin))

@@ -127,13 +127,10 @@ def test_other_endings_are_refused(tmp_path, data, capsys):
     assert "argument --out: must be a file that ends in .nc, .outb, .csv, got run.xlsx" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("height", "current", "text"),
-    [
-        (3.0, (0.0, 0.0), "waves of 2.82 m, strongest of 8.96 s, towards 20 deg"),
-        (0.0, (0.3, -0.4), "no waves, current of 0.5 m/s towards -53 deg"),
-    ],
-)
+@pytest.mark.parametrize(("height", "current", "text"), [
+    (3.0, (0.0, 0.0), "Hs 2.82 m, Tp 8.96 s, towards 20 deg"),
+    (0.0, (0.3, -0.4), "no waves, current of 0.5 m/s towards -53 deg"),
+])  # fmt: skip
 def test_a_recording_says_which_sea_it_is_of(height, current, text, tmp_path):
     state = SeaState("jonswap", height, 9.0, direction=np.radians(20.0), current=current)
     turbine = load_turbine("oc4_nrel_5mw")

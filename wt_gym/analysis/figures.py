@@ -39,7 +39,7 @@ _ROWS: _Rows = (
     ("Rotor speed [rpm]", "rotor_speed", 30 / np.pi, "rated_rotor_speed"),
     ("Pitch of blade 1 [deg]", "pitch_1", 180 / np.pi, ""),
     ("Generator torque [kN m]", "generator_torque", 1e-3, ""),
-    ("Tip deflection downwind, largest of the blades [m]", _largest("tip_out_of_plane_"), 1.0, ""),
+    ("Largest tip deflection downwind [m]", _largest("tip_out_of_plane_"), 1.0, ""),
     ("Tower-base fore-aft moment [MN m]", "tower_base_fore_aft_moment", 1e-6, ""),
 )
 """Rows of the time series: title with unit, signal, factor, and the limit that is drawn where it is known."""
@@ -47,7 +47,7 @@ _FLOATING_ROWS: _Rows = (
     ("Elevation of the sea [m]", "wave_elevation", 1.0, ""),
     ("Pitch of the platform [deg]", "platform_pitch", 180 / np.pi, ""),
     ("Surge of the platform [m]", "platform_surge", 1.0, ""),
-    ("Tension at the fairleads, largest of the lines [MN]", _largest("fairlead_tension_"), 1e-6, ""),
+    ("Largest tension at the fairleads [MN]", _largest("fairlead_tension_"), 1e-6, ""),
 )
 """Further rows of a floating turbine, the last one of those with lines."""
 _OUTSIDE = "wind_x", "wave_elevation"
@@ -175,7 +175,7 @@ def verdict_figure(evaluation: Evaluation) -> go.Figure | None:
     styles = agent_styles(evaluation.agents)
     for row, (panel, better) in enumerate(zip(panels, (+1, -1), strict=True), start=1):
         changes = [change for (_, key), change in found.items() if key in panel]
-        reach = 1.3 * 100 * max([0.01, *(np.nanmax(np.abs([c.value, c.low, c.high])) for c in changes)])
+        reach = 1.6 * 100 * max([0.01, *(np.nanmax(np.abs([c.value, c.low, c.high])) for c in changes)])
         for i, agent in enumerate(agents):
             heights, shown = [], []
             for k, key in enumerate(panel):

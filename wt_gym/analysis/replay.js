@@ -36,11 +36,11 @@
 
   // ---------------------------------------------------------------- scene
   function camera(width, height) {
-    const reach = data.size, high = data.sea ? 3.4 : 2.9;  // with what is below a sea
+    const reach = data.size, high = data.sea ? 3.4 : 3.2;  // with what is below a sea, or the marks on the ground
     const scale = zoom * Math.min(height / (high * reach), width / (3.6 * reach));
-    const center = [0.75 * reach, 0, (data.sea ? 0.75 : 0.9) * data.hub_height];
+    const center = [0.75 * reach, 0, 0.75 * data.hub_height];
     const ca = Math.cos(azimuth), sa = Math.sin(azimuth), ce = Math.cos(elevation), se = Math.sin(elevation);
-    const distance = 9 * reach;
+    const distance = (data.sea ? 24 : 9) * reach;  // anchors are farther from the tower than the ends of a wake
     return function (x, y, z) {
       const dx = x - center[0], dy = y - center[1], dz = z - center[2];
       const right = -sa * dx + ca * dy, ahead = -(ca * dx + sa * dy);
@@ -114,6 +114,24 @@
       [q[0] + ux * rq, q[1] + uy * rq, q[2]], [q[0] - ux * rq, q[1] - uy * rq, q[2]]], color, color);
   }
 
+  // A cylinder between two points, with its ends, darker below still water.
+  function member(items, project, [low, high], radius) {
+    if (low[2] > high[2]) [low, high] = [high, low];
+    const share = low[2] / (low[2] - high[2]), edge = low.map((value, k) => value + share * (high[k] - value));
+    const parts = low[2] < 0 && high[2] > 0 ? [[low, edge], [edge, high]] : [[low, high]];
+    const axis = high.map((value, k) => value - low[k]), length = Math.hypot(...axis), upright = Math.hypot(axis[0], axis[1]) < 0.5 * length;
+    const first = upright ? [1, 0, 0] : [0, 0, 1], dot = first.reduce((sum, value, k) => sum + value * axis[k], 0) / length ** 2;
+    const across = first.map((value, k) => value - dot * axis[k]), size = Math.hypot(...across), e = across.map((value) => radius * value / size);
+    const f = [0, 1, 2].map((k) => (axis[(k + 1) % 3] * e[(k + 2) % 3] - axis[(k + 2) % 3] * e[(k + 1) % 3]) / length);
+    const ring = (center) => Array.from({length: 24}, (_, n) => project(...center.map(
+      (value, k) => value + Math.cos(n * Math.PI / 12) * e[k] + Math.sin(n * Math.PI / 12) * f[k])));
+    for (const [from, to] of parts) {
+      const wet = to[2] <= 0, color = wet ? '#4d6f8c' : '#7b909f';
+      for (const end of [from, to]) quad(items, ring(end), wet ? '#5b7f9c' : '#8da1af', color);
+      column(items, project(...from), project(...to), radius, radius, color);
+    }
+  }
+
   function addTurbine(items, project, frame, a) {
     const {tower, hub, blades} = current.shapes, point = (shape, index) => project(
       mixed(shape, frame, a, index), mixed(shape, frame, a, index + 1), mixed(shape, frame, a, index + 2));
@@ -123,9 +141,12 @@
     }
     const {floater} = current.shapes;
     for (let i = 0; i < floater.shape[1]; i++) {
-      const p = point(floater, 6 * i), q = point(floater, 6 * i + 3), radius = data.floater_radius[i];
-      if (radius > 0) column(items, p, q, radius, radius, '#6f8494');
-      else items.push({depth: 0.5 * (p[2] + q[2]), line: [p, q], color: '#7d8f9d', width: 1.4});
+      const radius = data.floater_radius[i];
+      if (radius > 0) member(items, project, [6 * i, 6 * i + 3].map((k) => [0, 1, 2].map((j) => mixed(floater, frame, a, k + j))), radius);
+      else {
+        const p = point(floater, 6 * i), q = point(floater, 6 * i + 3);
+        items.push({depth: 0.5 * (p[2] + q[2]), line: [p, q], color: '#7d8f9d', width: 1.4});
+      }
     }
     const nose = point(hub, 0), top = point(tower, 3 * (n - 1));
     // as far behind the tower axis as the hub is before it, at the height of the hub
@@ -170,7 +191,8 @@
 
   // Distances downwind on the ground, in rotor diameters.
   function scaleMarks(context, project) {
-    const d = 2 * data.size;
+    const d = 2 * data.size, along = project(2 * d, 0, 0)[0] - project(d, 0, 0)[0];
+    if (Math.abs(along) < 40) return;  // seen along the wind they hide each other
     context.textAlign = 'center';
     for (let k = 1; k <= 2; k++) {
       const p = project(k * d, -0.08 * d, 0), q = project(k * d, 0.08 * d, 0);
@@ -182,28 +204,55 @@
     }
   }
 
-  // Ground, or the sea, which rises and falls as it does at the origin.
-  function ground(context, project, level) {
-    context.beginPath();
-    for (let k = 0; k <= 72; k++) {
-      const p = project(1.2 * data.size + 2.4 * data.size * Math.cos(k * Math.PI / 36), 1.2 * data.size * Math.sin(k * Math.PI / 36), level);
-      if (k) context.lineTo(p[0], p[1]); else context.moveTo(p[0], p[1]);
+  // Surface of the sea, lighter where it is high: from the darkest to the lightest are 0.02 rotor diameters.
+  function sea(context, project, frame, a) {
+    const faces = [], nodes = data.sea_place.map((row, i) => row.map(([x, y], j) => {
+      const level = mixed(current.shapes.sea, frame, a, i * row.length + j);
+      return [...project(x, y, level), level];
+    }));
+    const mean = (corners, k) => corners.reduce((sum, p) => sum + p[k], 0) / 4;
+    for (let i = 0; i + 1 < nodes.length; i++) {
+      for (let j = 0; j + 1 < nodes[i].length; j++) {
+        faces.push([nodes[i][j], nodes[i + 1][j], nodes[i + 1][j + 1], nodes[i][j + 1]]);
+      }
     }
-    context.fillStyle = data.sea ? 'rgba(60,150,225,.22)' : 'rgba(140,170,150,.10)';
-    context.fill();
+    faces.sort((p, q) => mean(q, 2) - mean(p, 2));
+    for (const face of faces) {
+      const high = Math.min(1, Math.max(0, 0.5 + mean(face, 4) / (0.04 * data.size)));
+      context.fillStyle = context.strokeStyle = 'rgb(' + [14 + 40 * high, 52 + 64 * high, 84 + 72 * high].map(Math.round) + ')';
+      context.lineWidth = 1;
+      context.beginPath();
+      face.forEach((p, k) => (k ? context.lineTo(p[0], p[1]) : context.moveTo(p[0], p[1])));
+      context.closePath();
+      context.fill();
+      context.stroke();
+    }
+  }
+
+  function ground(context, project, frame, a) {
+    if (data.sea_place.length) sea(context, project, frame, a);
+    else {
+      context.beginPath();
+      for (let k = 0; k <= 72; k++) {
+        const p = project(1.2 * data.size + 2.4 * data.size * Math.cos(k * Math.PI / 36), 1.2 * data.size * Math.sin(k * Math.PI / 36), 0);
+        if (k) context.lineTo(p[0], p[1]); else context.moveTo(p[0], p[1]);
+      }
+      context.fillStyle = 'rgba(140,170,150,.10)';
+      context.fill();
+    }
     context.strokeStyle = 'rgba(140,170,190,.28)';
-    context.fillStyle = 'rgba(140,170,190,.55)';
+    context.fillStyle = data.sea ? 'rgba(215,232,244,.85)' : 'rgba(140,170,190,.55)';
     context.lineWidth = 1;
     context.font = '12px Inter, "Segoe UI", Roboto, Arial, sans-serif';
     for (const share of [0.5, 1]) {
       context.beginPath();
       for (let k = 0; k <= 72; k++) {
-        const p = project(share * data.size * Math.cos(k * Math.PI / 36), share * data.size * Math.sin(k * Math.PI / 36), level);
+        const p = project(share * data.size * Math.cos(k * Math.PI / 36), share * data.size * Math.sin(k * Math.PI / 36), 0);
         if (k) context.lineTo(p[0], p[1]); else context.moveTo(p[0], p[1]);
       }
       context.stroke();
     }
-    const from = project(-0.95 * data.size, 0, level), to = project(-0.6 * data.size, 0, level);
+    const from = project(-0.95 * data.size, 0, 0), to = project(-0.6 * data.size, 0, 0);
     const dx = to[0] - from[0], dy = to[1] - from[1], length = Math.hypot(dx, dy);
     if (length < 12) return;
     context.strokeStyle = context.fillStyle;
@@ -232,8 +281,7 @@
 
   function drawScene(frame, a) {
     const [context, width, height] = sized(canvas), project = camera(width, height), items = [];
-    const {wave} = current.signals;
-    ground(context, project, wave ? (1 - a) * wave[frame] + a * wave[Math.min(frame + 1, wave.length - 1)] : 0);
+    ground(context, project, frame, a);
     scaleMarks(context, project);
     rotorDisc(context, project, frame, a);
     addWake(items, project, frame, a);

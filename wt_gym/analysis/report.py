@@ -2,7 +2,8 @@
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -40,7 +41,8 @@ from wt_gym.analysis.summary import JUDGED, REASONS, headline, result_sentence, 
 _MOST_SERIES = 16
 # Wind speeds that are listed one by one in the header.
 _MOST_SPEEDS = 6
-_CLEARANCE = "tip_clearance_min"
+_CLEARANCE, _PLATFORM = "tip_clearance_min", "platform_pitch_std"
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _GROUPS = {
     "Power and rotor speed": (
         "mean_power", "corrected_power", "energy", "power_std", "rotor_speed_mean", "rotor_speed_std",
@@ -128,6 +130,7 @@ def _facts(evaluation: Evaluation) -> dict[str, str | None]:
             "turbulent" if any(wind.seed is not None for wind in winds) else "",
             "unseen in training" if evaluation.training and unseen(evaluation) else "",
         ],
+        "Sea": _spans(run.data.attrs["sea"] for run in evaluation.runs if "sea" in run.data.attrs),
         "Duration": [f"{max(run.planned_duration for run in evaluation.runs):g} s each{skip}"],
         "Simulation": [
             str(name) if simulator else "",
@@ -139,6 +142,19 @@ def _facts(evaluation: Evaluation) -> dict[str, str | None]:
     return {fact: ", ".join(part for part in words if part) for fact, words in parts.items()}
 
 
+def _spans(texts: Iterable[str]) -> list[str]:
+    """Merge texts that differ in their numbers alone into one with the least and the greatest of them."""
+    forms: dict[str, list[list[float]]] = {}
+    for text in texts:
+        forms.setdefault(_NUMBER.sub("{}", text), []).append([float(number) for number in _NUMBER.findall(text)])
+    spans = {form: [sorted({min(column), max(column)}) for column in zip(*rows, strict=True)]
+             for form, rows in forms.items()}  # fmt: skip
+    return [
+        form.format(*(" to ".join(f"{end:g}".replace("-", "\u2212") for end in span) for span in spans[form]))
+        for form in forms
+    ]
+
+
 def _verdicts(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None) -> Section:
     """The answer: legend, a row an agent with the changes that decide and the tip clearance, and their picture."""
     others, base = evaluation.others, evaluation.baseline
@@ -147,26 +163,25 @@ def _verdicts(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None) -> S
         return Section("verdict", headline(evaluation), answer, link="Verdict")
     rows: list[Row] = []
     note: list[str] = []
+    shown = [key for key in (_PLATFORM, _CLEARANCE) if key in measured_metrics(run.metrics for run in evaluation.runs)]
     for agent, label in page.agent_labels(evaluation.agents).items():
-        lost = (
-            ""
-            if evaluation.survived(agent)
-            else f"<small class='note'>{_survival(evaluation, agent)} winds survived</small>"
-        )
-        clearance = _cell(evaluation, _CLEARANCE, agent, unit=True)
+        lost = f"<small class='note'>{_survival(evaluation, agent)} winds survived</small>"
+        lost = "" if evaluation.survived(agent) else lost
+        beside = [_cell(evaluation, key, agent, unit=True) for key in shown]
         if agent == base:
             own = [_cell(evaluation, key, agent, unit=True) for key in JUDGED]
-            rows.append(Row(label, [page.badge("", "Reference") + lost, *own, clearance]))
+            rows.append(Row(label, [page.badge("", "Reference") + lost, *own, *beside]))
             continue
         result, there = verdict(evaluation, agent), _elsewhere(evaluation, crosscheck, agent)
         cells = [change_tag(key, paired_change(evaluation, agent, key), "main") for key in JUDGED]
-        cells = [page.badge(result.kind, result.word) + lost, *cells, clearance]
+        cells = [page.badge(result.kind, result.word) + lost, *cells, *beside]
         rows.append(Row(label, cells, "under" if there else ""))
         if crosscheck is not None and there is not None:
             note = [escape(_crosscheck_note(crosscheck, evaluation.speeds[0]))]
-            cells = ["", *(there.get(key, "") for key in JUDGED), ""]
+            cells = ["", *(there.get(key, "") for key in (*JUDGED, *shown))]
             rows.append(Row(f"in {escape(_simulator(crosscheck))}", cells, "sub"))
-    head = ["Agent", "Verdict", *map(page.column_head, JUDGED), "Tip clearance, smallest"]
+    names = {_CLEARANCE: "Tip clearance, smallest", _PLATFORM: "Platform pitch, std"}
+    head = ["Agent", "Verdict", *map(page.column_head, JUDGED), *(names[key] for key in shown)]
     more = [f"changes against <b>{escape(base)}</b> in the same winds, with 95 % intervals", *note]
     figure = verdict_figure(evaluation)
     drawn = "" if figure is None else page.figure_element("changes", figure)
@@ -190,7 +205,7 @@ def _elsewhere(evaluation: Evaluation, crosscheck: Mapping[str, Any] | None, age
         if row["wind_speed"] == evaluation.speeds[0]
     }
     cells = {}
-    for key in JUDGED:
+    for key in (*JUDGED, _PLATFORM):
         change = changes.get("mean_power" if key == "corrected_power" else key)
         if change is not None:
             value = page.format_estimate(key, Estimate.from_json(change)).partition(" [")[0]
@@ -369,7 +384,7 @@ def _method(evaluation: Evaluation) -> str:
 
 # Almost a megabyte each: more agents would make the page heavy.
 _MOST_AGENTS = 4
-_BITS = {"blades": 16, "wake": 16, "strength": 8, "tower": 16, "hub": 16, "floater": 16}
+_BITS = {"blades": 16, "wake": 16, "strength": 8, "tower": 16, "hub": 16, "floater": 16, "sea": 8}
 
 
 def encode(values: ArrayLike, bits: int = 16) -> dict[str, Any]:
@@ -408,6 +423,7 @@ def replay_section(evaluation: Evaluation) -> Section:
         "hub_height": float(replays[0].hub[0, 2]),
         "tower_radius": [round(float(radius), 3) for radius in replays[0].tower_radius],
         "floater_radius": [round(float(radius), 3) for radius in replays[0].floater_radius],
+        "sea_place": np.round(replays[0].sea_place.astype(float), 1).tolist(),
         "sea": "platform_pitch" in runs[0].data,
         "open": [run.agent for run in runs].index(opened),
         "agents": [_agent(run, replay) for run, replay in zip(runs, replays, strict=True)],
@@ -446,7 +462,7 @@ def _agent(run: Run, replay: Replay) -> dict[str, Any]:
 
     blades, afloat = range(1, replay.blades.shape[1] + 1), {}
     if "platform_pitch" in signals:
-        afloat = {"wave": rounded("wave_elevation"), "platform_pitch": rounded("platform_pitch", 180 / np.pi)}
+        afloat = {"platform_pitch": rounded("platform_pitch", 180 / np.pi)}
     return {
         "name": run.agent,
         "time": [round(float(time), 3) for time in replay.time],

@@ -53,6 +53,10 @@ class Replay:
     """Ends of the members of a platform and of pieces of its mooring lines. Shape (n, n_pieces, 2, 3)."""
     floater_radius: NDArray[np.float64]
     """Radii of the members, 0 for pieces of lines. Shape (n_pieces,)."""
+    sea: NDArray[np.float64]
+    """Elevation of the sea at nodes of its surface, none of a turbine on the ground. Shape (n, n_along, n_across)."""
+    sea_place: NDArray[np.float64]
+    """x and y of the nodes. Shape (n_along, n_across, 2)."""
 
     def save(self, path: Path) -> None:
         """Write a compressed NumPy archive, which is there when it is whole."""
@@ -88,7 +92,7 @@ class ReplayRecorder:
             for name in ("wake", "strength"):
                 missing = [(0, n_rows - len(shape[name]))] + [(0, 0)] * (shape[name].ndim - 1)
                 shape[name] = np.pad(shape[name], missing, constant_values=np.nan)
-        constant = {name: shapes[0][name] for name in ("tower_radius", "floater_radius")}
+        constant = {name: shapes[0][name] for name in ("tower_radius", "floater_radius", "sea_place")}
         stacked = {name: np.stack([shape[name] for shape in shapes]) for name in shapes[0] if name not in constant}
         return Replay(time=np.array(times), **constant, **stacked)
 
@@ -103,6 +107,7 @@ def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
     rows = np.unique(np.linspace(0, len(wake) - 1, min(len(wake), _MOST_ROWS)).round().astype(int))
     filaments = kept_filaments(wake.shape[2])
     floater, radius = _floater(geometry), np.asarray(geometry.get("platform_radius", ()))
+    sea = np.asarray(geometry.get("sea", np.zeros((0, 0, 3))))
     shapes = {
         "blades": np.asarray(geometry["blades"])[:, [0, -1]],
         "wake": wake[rows][:, :, filaments],
@@ -112,6 +117,8 @@ def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
         "hub": geometry["hub"],
         "floater": floater,
         "floater_radius": np.pad(radius, (0, len(floater) - len(radius))),
+        "sea": sea[..., 2],
+        "sea_place": sea[..., :2],
     }
     return {name: np.array(values, dtype=np.float32) for name, values in shapes.items()}
 
@@ -119,7 +126,7 @@ def _thinned(geometry: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[n
 def _floater(geometry: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Members of a platform and pieces of its lines (n_pieces, 2, 3); none of a turbine on the ground."""
     lines = np.asarray(geometry.get("lines", np.zeros((0, 2, 3))))
-    lines = lines[:, np.linspace(0, lines.shape[1] - 1, 7).round().astype(int)]  # from anchor to fairlead
+    lines = lines[:, np.linspace(0, lines.shape[1] - 1, 13).round().astype(int)]  # from anchor to fairlead
     pieces = np.stack([lines[:, :-1], lines[:, 1:]], axis=2).reshape(-1, 2, 3)
     return np.concatenate([np.asarray(geometry.get("platform", np.zeros((0, 2, 3)))), pieces])
 

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 
 _STEEL, _SUBMERGED, _BLADE, _LAND, _SEA = "#98a4af", "#c3ccd4", "#26323d", "#e9efe6", "#cfe3f1"
-_MARK = "#5d6b78"
+_TROUGH, _CREST, _MARK = "#a9c8de", "#eef5fa", "#5d6b78"
+_HIGH_WAVE = 0.02
+"""Height from the darkest to the lightest water, in rotor diameters."""
 _PIECES = 5
 """Straight pieces that a segment of a filament is drawn in."""
 _INBOARD, _OUTBOARD, _ROOT_WEIGHT = 0.55, 0.85, 0.25
@@ -96,17 +98,17 @@ class Camera:
 
     def project(self, points: Any) -> NDArray[np.float64]:
         """Points (..., 3) on the picture (..., 2) [m]."""
-        c, s = np.cos(self.turn), np.sin(self.turn)
-        right = np.array([s, -c, 0.0])
-        up = np.array([c * np.sin(self.rise), s * np.sin(self.rise), np.cos(self.rise)])
-        points = np.asarray(points, dtype=np.float64)
-        return np.stack([points @ right, points @ up], axis=-1)
+        return self._seen(points)[..., :2]
 
     def depth(self, points: Any) -> NDArray[np.float64]:
         """Distance of points (..., 3) behind the origin along the line of sight [m]."""
-        c, s = np.cos(self.turn), np.sin(self.turn)
-        sight = np.array([c * np.cos(self.rise), s * np.cos(self.rise), -np.sin(self.rise)])
-        return cast("NDArray[np.float64]", np.asarray(points, dtype=np.float64) @ sight)
+        return self._seen(points)[..., 2]
+
+    def _seen(self, points: Any) -> NDArray[np.float64]:
+        """Points (..., 3) to the right, up and ahead."""
+        c, s, level, up = np.cos(self.turn), np.sin(self.turn), np.cos(self.rise), np.sin(self.rise)
+        axes = np.array([[s, -c, 0.0], [c * up, s * up, level], [c * level, s * level, -up]])
+        return np.asarray(np.asarray(points, dtype=np.float64) @ axes.T)
 
 
 class Scene:
@@ -155,9 +157,19 @@ class Scene:
         self._submerged.set_verts([self._outline(part) for part, _ in parts if len(part)])
         shown = [self._outline(part) for _, part in parts if len(part)]
         self._steel.set_verts([*shown, self._nacelle(tower[-1], hub, float(radius[-1]))])
-        lines = [self.camera.project(line) for line in geometry.get("lines", ())]
-        self._mooring.set_segments(lines)
+        self._mooring.set_segments([self.camera.project(line) for line in geometry.get("lines", ())])
+        if "sea" in geometry:
+            self._draw_sea(np.asarray(geometry["sea"]))
         self._draw_wake(geometry, hub, float(self.camera.depth(tower[-1])))
+
+    def _draw_sea(self, nodes: NDArray[np.float64]) -> None:
+        """Show the surface of the water from far to near, lighter where it is high."""
+        corners = np.stack([nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+        middle = corners.mean(axis=1)
+        order = np.argsort(-self.camera.depth(middle))
+        height = np.clip(0.5 + middle[order, 2] / (_HIGH_WAVE * self._diameter), 0.0, 1.0)[:, None]
+        self._floor.set_verts(list(self.camera.project(corners[order])))
+        self._floor.set(antialiased=False, facecolor=(1.0 - height) * to_rgb(_TROUGH) + height * to_rgb(_CREST))
 
     def _draw_wake(self, geometry: Mapping[str, NDArray[np.float64]], hub: NDArray[np.float64], depth: float) -> None:
         nodes = np.asarray(geometry["wake"], dtype=np.float64)
@@ -218,8 +230,8 @@ class Scene:
         center = 0.5 * (length - 0.3) * d
         ground = np.column_stack([center + (0.5 * length + 0.35) * d * np.cos(angle), 0.55 * d * np.sin(angle),
                                   0.0 * angle])  # fmt: skip
-        patch = self._polygons(_SEA if self._at_sea else _LAND, 0, alpha=0.9)
-        patch.set_verts([self.camera.project(ground)])
+        self._floor = self._polygons(_SEA if self._at_sea else _LAND, 0, alpha=0.9)
+        self._floor.set_verts([self.camera.project(ground)])
         marks = []
         for k in range(int(np.floor(2.0 * length)) + 1):
             half = 0.12 if k % 2 == 0 else 0.06
@@ -230,7 +242,7 @@ class Scene:
                 self._axes.text(float(place[0]), float(place[1]), text, fontsize=8, color=_MARK, ha="center", va="top")
         marks.append(self.camera.project([[0.0, 0.0, 0.0], [0.5 * np.floor(2.0 * length) * d, 0.0, 0.0]]))
         self._axes.add_collection(LineCollection(marks, colors="#a9b5ad", linewidths=0.9, zorder=0.3))
-        tail, head = self.camera.project([[-0.44 * d, 0.0, 0.0], [-0.16 * d, 0.0, 0.0]])
+        tail, head = self.camera.project([[-0.46 * d, 0.0, 0.0], [-0.33 * d, 0.0, 0.0]])
         look = {"arrowstyle": "-|>", "color": _MARK, "linewidth": 1.2, "shrinkA": 0.0, "shrinkB": 0.0}
         self._axes.annotate("", head, tail, arrowprops=look)
         self._axes.annotate("wind", tail, xytext=(0, 4), textcoords="offset points", fontsize=8, color=_MARK)
@@ -256,7 +268,8 @@ class Scene:
     def _outline(self, column: NDArray[np.float64]) -> NDArray[np.float64]:
         """Outline of a column (n, 4): points of its axis and its radii there."""
         axis = self.camera.project(column[:, :3])
-        sides = np.column_stack([column[:, 3], np.zeros(len(column))])
+        along = axis[-1] - axis[0]
+        sides = column[:, 3:] * np.array([along[1], -along[0]]) / max(float(np.hypot(*along)), 1e-9)
         return np.concatenate([axis - sides, (axis + sides)[::-1]])
 
     def _nacelle(self, top: NDArray[np.float64], hub: NDArray[np.float64], half_height: float) -> NDArray[np.float64]:

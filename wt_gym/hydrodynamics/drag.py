@@ -19,7 +19,7 @@ class DragMember(Record):
     """Straight cylinder with drag across its axis.
 
     The force per length is ½ ρ C_d D |v| v, with v the part of the velocity of the water relative to the member that is
-    across its axis (Morison et al., Petroleum Transactions AIME 189 (1950) 149).
+    across its axis (Morison et al., Petroleum Transactions AIME 189 (1950) 149). With C_d = 0 it is drawn only.
     """
 
     start: Array = option("one end in axes of the platform", unit="m", shape=(3,), low=-1e3, high=1e3)
@@ -69,7 +69,7 @@ def drag_points(
     Parameters
     ----------
     members : tuple of DragMember
-        Cut into equal pieces; the part above still water has no drag.
+        Cut into equal pieces; the part above still water has no drag, and those without any have no points.
     plates : tuple of HeavePlate
     density : float
         Of the water [kg/m^3].
@@ -78,10 +78,8 @@ def drag_points(
     """
     rows: list[tuple[Array, Array, float, float]] = []
     for member in members:
-        start, end = member.start, member.end
-        if start[2] > end[2]:
-            start, end = end, start
-        if start[2] >= 0.0:
+        start, end = sorted((member.start, member.end), key=lambda point: float(point[2]))
+        if start[2] >= 0.0 or member.drag_coefficient == 0.0:  # without drag it is drawn only
             continue
         if end[2] > 0.0:
             end = start + (end - start) * start[2] / (start[2] - end[2])
@@ -116,10 +114,8 @@ def mean_square(mean: ArrayLike, deviation: ArrayLike) -> tuple[Array, Array]:
     """
     sigma = np.maximum(deviation, 1e-30)
     u = np.maximum(np.abs(mean), 1e-6 * sigma)
-    within, beside = (
-        erf(u / (math.sqrt(2.0) * sigma)),
-        math.sqrt(2.0 / math.pi) * sigma * np.exp(-0.5 * (u / sigma) ** 2),
-    )
+    within = erf(u / (math.sqrt(2.0) * sigma))
+    beside = math.sqrt(2.0 / math.pi) * sigma * np.exp(-0.5 * (u / sigma) ** 2)
     return (u**2 + sigma**2) / u * within + beside, 2.0 * (u * within + beside)
 
 

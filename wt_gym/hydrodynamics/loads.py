@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -133,10 +134,6 @@ class PlatformLoads:
         transition, first, last = self.radiation.discrete(dt)
         lines, density, gravity = platform.lines, platform.water_density, platform.gravity
         buoyancy = density * gravity * platform.displaced_volume
-
-        def of_lines(values: list[Any], width: tuple[int, ...] = ()) -> Array:
-            return np.array(values, dtype=np.float64).reshape(m, *width)
-
         arrays: dict[str, NDArray[Any]] = {
             "buoyancy": np.array([buoyancy, *platform.center_of_buoyancy]),
             "hydrostatic": platform.hydrostatic, "additional_stiffness": platform.additional_stiffness,
@@ -146,19 +143,18 @@ class PlatformLoads:
             "radiation_output": self.radiation.c,
             "point_position": points.position, "point_axis": points.axis,
             "point_across": points.across, "point_along": points.along,
-            "line_anchor": of_lines([line.anchor for line in lines], (3,)),
-            "line_fairlead": of_lines([line.fairlead for line in lines], (3,)),
-            "line_length": of_lines([line.length for line in lines]),
-            "line_weight": of_lines([line.weight(density, gravity) for line in lines]),
-            "line_stiffness": of_lines([line.axial_stiffness for line in lines]),
-            "line_friction": of_lines([line.seabed_friction for line in lines]),
+            "line_anchor": np.reshape([line.anchor for line in lines], (m, 3)),
+            "line_fairlead": np.reshape([line.fairlead for line in lines], (m, 3)),
+            "line_length": np.array([line.length for line in lines]),
+            "line_weight": np.array([line.weight(density, gravity) for line in lines]),
+            "line_stiffness": np.array([line.axial_stiffness for line in lines]),
+            "line_friction": np.array([line.seabed_friction for line in lines]),
             "line_rests": np.array([line.anchor[2] < 0.1 - platform.water_depth for line in lines], dtype=np.int64),
             "excitation": np.zeros(6), "elevation": np.zeros(1), "water_velocity": np.zeros((n, 3)),
             "radiation_state": np.zeros(r), "radiation_free": np.zeros(r), "radiation_force": np.zeros(6),
             "velocity_candidate": np.zeros(6), "line_unknown": np.zeros((m, 2)), "line_candidate": np.zeros((m, 2)),
             "line_direction": np.zeros((m, 2)), "line_tension": np.zeros((m, 2)), "radiation_sum": np.zeros(r),
-            "displacement": np.zeros(6),
-            "local_force": np.zeros(6),
+            "displacement": np.zeros(6), "local_force": np.zeros(6),
         }  # fmt: skip
         writeable = {name: np.array(array, order="C") for name, array in arrays.items()}
         self._points = points.position
@@ -178,16 +174,12 @@ class PlatformLoads:
             If a component is outside of the table of the excitation, or nothing has drag in a current.
         """
         if components is not None:
-            one, platform = components, self.platform
-            if any(one.current) and not len(self._points):
+            if any(components.current) and not len(self._points):
                 raise InflowError(
                     "current must be (0, 0) for a platform without drag members and plates, which it would not push, "
-                    f"got {one.current} m/s"
+                    f"got {components.current} m/s"
                 )
-            components = WaveComponents(
-                one.frequency, one.amplitude, one.phase, one.direction, platform.water_depth, platform.gravity,
-                one.current,
-            )  # fmt: skip
+            components = replace(components, depth=self.platform.water_depth, gravity=self.platform.gravity)
         self.arrays = self.arrays._replace(**self._sea(components))
         self.components = components
         kernels.water_motion(self.arrays, 0.0)
@@ -324,6 +316,17 @@ class PlatformLoads:
         foot = np.array([0.0, 0.0, low])
         ends = [(foot, np.array([0.0, 0.0, one.tower_base])), *((foot, point) for point in points)]
         return np.array(ends), np.full(len(ends), 0.25 * abs(one.tower_base))
+
+    def surface(self, time: float, diameter: float) -> Array:
+        """Nodes of the surface of the water along and across the wind for pictures, shape (49, 17, 3) [m].
+
+        It is an ellipse from 0.6 diameters upwind to 1.8 downwind.
+        """
+        along = -np.cos(np.linspace(0.0, np.pi, 49))[:, None]
+        y = 0.6 * diameter * np.sqrt(1.0 - along**2) * np.linspace(-1.0, 1.0, 17)
+        x = np.broadcast_to(diameter * (0.6 + 1.2 * along), y.shape)
+        level = 0.0 * y if self.components is None else self.components.elevation(time, x, y)
+        return np.stack([x, y, level], axis=2)
 
     def line_points(self, count: int = 30) -> Array:
         """Points of the lines in global axes from anchor to fairlead for pictures, shape (lines, count, 3) [m]."""

@@ -49,9 +49,7 @@ class Platform(Record):
     name: str = option("name")
     mass: float = option("mass with ballast", unit="kg", low=0, above=True, high=_BIG)
     center: Array = option("center of mass", unit="m", shape=(3,), low=-500, high=500)
-    inertia: Array = option(
-        "inertia tensor about the center of mass", unit="kg m^2", shape=(3, 3), low=-_BIG, high=_BIG
-    )
+    inertia: Array = option("inertia about the center of mass", unit="kg m^2", shape=(3, 3), low=-_BIG, high=_BIG)
     displaced_volume: float = option("volume of water at rest", unit="m^3", low=0, above=True, high=1e7)
     hydrostatic: Array = option("stiffness of water plane and buoyancy, without weight", shape=(6, 6))
     radiation: RadiationTable = option("added mass and damping", kinds=(RadiationTable,))
@@ -61,15 +59,13 @@ class Platform(Record):
     water_density: float = option("density of the water", default=1025.0, unit="kg/m^3", low=500, high=2000)
     gravity: float = option("acceleration of free fall", default=GRAVITY, unit="m/s^2", low=0, above=True, high=100)
     center_of_buoyancy: Array = option("in x and y", default=(0.0, 0.0), unit="m", shape=(2,), low=-500, high=500)
-    members: tuple[DragMember, ...] = option("members with drag", default=(), check=_all(DragMember))
+    members: tuple[DragMember, ...] = option("members with drag, or drawn only", default=(), check=_all(DragMember))
     plates: tuple[HeavePlate, ...] = option("plates with drag", default=(), check=_all(HeavePlate))
     lines: tuple[MooringLine, ...] = option("mooring lines", default=(), check=_all(MooringLine))
     linear_damping: Array = option("F_i = -B_ij v_j in axes turned by the yaw", default=_ZEROS, shape=(6, 6))
     quadratic_damping: Array = option("F_i = -B_ij |v_j| v_j in axes turned by the yaw", default=_ZEROS, shape=(6, 6))
     additional_stiffness: Array = option("F_i = -C_ij q_j in fixed axes", default=_ZEROS, shape=(6, 6))
-    drift: MeanDrift | None = option(
-        "mean forces of second order, for slow drift", default=None, kinds=(MeanDrift,), otherwise="none"
-    )
+    drift: MeanDrift | None = option("mean forces, for slow drift", default=None, kinds=(MeanDrift,), otherwise="none")
 
     def check(self) -> None:
         """Check what belongs together."""
@@ -91,9 +87,8 @@ class Platform(Record):
         for k, line in enumerate(self.lines):
             line.weight(self.water_density, self.gravity)
             if line.anchor[2] < -self.water_depth - 0.1:
-                raise fail(
-                    f"Platform.lines[{k}].anchor[2]", line.anchor[2], f"above the seabed, -{self.water_depth:g} m"
-                )
+                place, seabed = f"Platform.lines[{k}].anchor[2]", -self.water_depth
+                raise fail(place, line.anchor[2], f"above the seabed, {seabed:g} m")
 
     @property
     def mass_matrix(self) -> Array:

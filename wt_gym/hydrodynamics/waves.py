@@ -84,12 +84,12 @@ class WaveComponents(WaveRecord):
 
     @property
     def description(self) -> str:
-        """Height, period and direction of the waves, and the current, as text."""
+        """Height, peak period and direction of the waves, and the current, as text."""
         height, flow, waves = self.height, math.hypot(*self.current), "no waves"
         if height > 0.0:
-            main = np.argmax(self.amplitude)
+            main, (h, t) = np.argmax(self.amplitude), ("H", "T") if len(self.amplitude) == 1 else ("Hs", "Tp")
             period, to = 2.0 * math.pi / float(self.frequency[main]), math.degrees(self.direction[main])
-            waves = f"waves of {height:.3g} m, strongest of {period:.3g} s, towards {to:.0f} deg"
+            waves = f"{h} {height:.3g} m, {t} {period:.3g} s, towards {to:.0f} deg"
         towards = math.degrees(math.atan2(self.current[1], self.current[0]))
         return waves if flow == 0.0 else f"{waves}, current of {flow:.3g} m/s towards {towards:.0f} deg"
 
@@ -134,11 +134,7 @@ class SeaState(WaveRecord):
         "peak factor of JONSWAP", default=None, unit="-", low=1, high=10, otherwise="from height and period"
     )
     direction: float = option(
-        "towards which waves travel, counter-clockwise from x",
-        default=0.0,
-        unit="rad",
-        low=-2 * math.pi,
-        high=2 * math.pi,
+        "towards which waves travel, from x to y", default=0.0, unit="rad", low=-2 * math.pi, high=2 * math.pi
     )
     spreading: float | None = option(
         "exponent s of cos^2s; 0: none", default=None, unit="-", low=0, high=200, otherwise="long crests"
@@ -172,11 +168,8 @@ class SeaState(WaveRecord):
                 f"SeaState.high_cutoff must be at least two components above low_cutoff {self.low_cutoff:g}, "
                 f"got {self.high_cutoff:g} rad/s"
             )
-        peak = 2.0 * math.pi / self.peak_period
-        if (
-            self.kind in ("jonswap", "pierson_moskowitz")
-            and not 0.98 * self.low_cutoff < peak < 1.02 * self.high_cutoff
-        ):
+        is_inside = 0.98 * self.low_cutoff < 2.0 * math.pi / self.peak_period < 1.02 * self.high_cutoff
+        if self.kind in ("jonswap", "pierson_moskowitz") and not is_inside:
             raise InflowError(
                 f"SeaState.peak_period must lie between the cut-offs, {2.0 * math.pi / self.high_cutoff:.3g} to "
                 f"{2.0 * math.pi / self.low_cutoff:.3g} s, or most waves are left out; got {self.peak_period:g} s"
@@ -248,9 +241,6 @@ class SeaState(WaveRecord):
         InflowError
             If the file cannot be read, is not equally spaced, shorter than the duration or too coarse.
         """
-        frequency: Array
-        amplitude: Array
-        phase: Array
         if self.kind == "still":
             frequency, amplitude, phase = np.ones(1), np.zeros(1), np.zeros(1)  # a wave of no height
         elif self.kind == "regular":
@@ -300,9 +290,7 @@ class SeaState(WaveRecord):
         except (OSError, ValueError) as error:
             raise InflowError(f"SeaState.file must be a CSV file of numbers, {self.file} is not: {error}") from error
         if data.ndim != 2 or data.shape[1] < 2 or len(data) < 4 or not np.isfinite(data).all():
-            raise InflowError(
-                f"SeaState.file must have finite times and elevations in 2 columns, got shape {data.shape}"
-            )
+            raise InflowError(f"SeaState.file must have 2 columns of finite times and elevations, got {data.shape}")
         time, step = data[:, 0], (data[-1, 0] - data[0, 0]) / (len(data) - 1)
         if step <= 0.0 or np.max(np.abs(np.diff(time) - step)) > 1e-3 * step:
             raise InflowError(f"times in {self.file} must be equally spaced and ascend")

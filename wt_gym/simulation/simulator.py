@@ -420,7 +420,8 @@ class Simulator(DrivenSimulator):
             "blades" (n_blades, n_chord + 1, n_span + 1, 3) ring nodes; "wake" (n_rows + 1, n_blades, n_span + 1, 3);
             "wake_circulation" (n_rows, n_blades, n_span) [m²/s], of a counter-clockwise rotor with the other sign;
             "tower" (n, 3) axis and "tower_radius" (n,); "hub" (3,); "nacelle" (2, 3) ends of the shaft. Of a floating
-            turbine also "platform" (n, 2, 3), axes of its members, "platform_radius" (n,), "lines" (n_lines, n, 3).
+            turbine also "platform" (n, 2, 3), axes of its members, "platform_radius" (n,), "lines" (n_lines, n, 3),
+            "sea" (n, m, 3), nodes of its surface.
         """
         self._require_start()
         coupling, s, y = self.coupling, self.structure, self.coupling.integrator.state
@@ -442,6 +443,7 @@ class Simulator(DrivenSimulator):
             segments, radius = coupling.platform.outline()
             shapes["platform"] = work.r[s.floater] + segments @ work.rot[s.floater].T
             shapes["platform_radius"], shapes["lines"] = radius, coupling.platform.line_points()
+            shapes["sea"] = coupling.platform.surface(self.time, self.turbine.rotor_diameter)
         return reflected_shapes(shapes) if self.mirrored else shapes
 
     def _meet_sea(self) -> None:

@@ -214,13 +214,13 @@ class _Member(NamedTuple):
         return np.asarray(values[0] + (values[1] - values[0]) * share)
 
     def drag(self) -> Iterator[DragMember]:
-        """Return the member as pieces with drag."""
+        """Return the member as pieces. Those without drag are drawn, except the stub behind a heave plate."""
+        is_stub = np.linalg.norm(self.ends[1] - self.ends[0]) < 0.1 * self.diameter.min()
         for low, high in self.pieces():
             middle = 0.5 * (low + high)
-            coefficient = float(self.at(middle, self.drag_coefficient))
-            if coefficient > 0.0:
-                ends = self.at(low, self.ends), self.at(high, self.ends)
-                yield DragMember(*ends, float(self.at(middle, self.diameter)), coefficient)
+            diameter, coefficient = (float(self.at(middle, part)) for part in (self.diameter, self.drag_coefficient))
+            if coefficient > 0.0 or not is_stub:
+                yield DragMember(self.at(low, self.ends), self.at(high, self.ends), diameter, coefficient)
 
     def filled(self, level: float, density: float) -> Iterator[_Part]:
         """Return what fills the member up to a height [m]."""
@@ -247,16 +247,13 @@ def _members(file: TextFile) -> list[_Member]:
     """Read the members, all of which must be part of the body in potential flow."""
     if "NPropSetsRec" in file and file.integer("NPropSetsRec") != 0:
         raise file.fail("NPropSetsRec", file.integer("NPropSetsRec"), "0: members are cylinders")
-    joints = {row["jointid"]: row for row in file.records("NJoints", "JointID")}
-    sections = {
-        row["propsetid"]: row
-        for row in file.records("NPropSetsCyl" if "NPropSetsCyl" in file else "NPropSets", "PropSetID")
-    }
-    by_member = {
-        row["memberid"]: row
-        for row in file.records("NCoefMembersCyl" if "NCoefMembersCyl" in file else "NCoefMembers", "MemberID")
-    }
-    members = []
+
+    def table(count: str, key: str) -> dict[str, dict[str, str]]:
+        count = f"{count}Cyl" if f"{count}Cyl" in file else count
+        return {row[key.lower()]: row for row in file.records(count, key)}
+
+    joints, sections = table("NJoints", "JointID"), table("NPropSets", "PropSetID")
+    by_member, members = table("NCoefMembers", "MemberID"), []
     for row in file.records("NMembers", "MemberID"):
         name = row["memberid"]
         if row.get("proppot", "false").lower().lstrip(".")[:1] not in ("t", "1"):
@@ -268,12 +265,9 @@ def _members(file: TextFile) -> list[_Member]:
         for end in ("1", "2"):
             joint, section = joints.get(row[f"mjointid{end}"]), sections.get(row[f"mpropsetid{end}"])
             if joint is None or section is None:
-                raise file.fail(
-                    f"member {name}", " ".join(row.values()), "a member between joints and sections of the file"
-                )
-            places.append(
-                [file.value(f"Jointzi of joint {joint['jointid']}", joint[f"joint{axis}i"]) for axis in "xyz"]
-            )
+                raise file.fail(f"member {name}", " ".join(row.values()), "between joints and sections of the file")
+            place = f"Jointzi of joint {joint['jointid']}"
+            places.append([file.value(place, joint[f"joint{axis}i"]) for axis in "xyz"])
             walls.append([file.value("PropD", section["propd"]), file.value("PropThck", section["propthck"])])
         if mode == "1":
             words = [file.rows(file.line_of("SimplCd") + 1, 1, "SimplCd", skip_text=True)[0][0]] * 2
@@ -324,9 +318,8 @@ def _plates(file: TextFile, members: list[_Member]) -> tuple[HeavePlate, ...]:
 def _tables(file: TextFile, density: float, gravity: float) -> tuple[RadiationTable, ExcitationTable, Array]:
     """Read radiation, excitation and hydrostatics."""
     root, length = file.text("PotFile"), file.number("WAMITULEN", 1.0)
-    paths = [
-        existing_file(file.path.parent, f"{root}{end}", f"{file.path.name}: PotFile") for end in (".1", ".3", ".hst")
-    ]
+    folder, label = file.path.parent, f"{file.path.name}: PotFile"
+    paths = [existing_file(folder, f"{root}{end}", label) for end in (".1", ".3", ".hst")]
     matrix = length ** (3.0 + _ROTATES[:, None] + _ROTATES)
     hydrostatic = np.zeros((6, 6))
     for *place, value in _rows(paths[2], 3):
@@ -334,11 +327,8 @@ def _tables(file: TextFile, density: float, gravity: float) -> tuple[RadiationTa
     hydrostatic *= density * gravity * matrix / length
     if abs(hydrostatic[2:5, 2:5] - hydrostatic[2:5, 2:5].T).max() <= _SAME * abs(hydrostatic).max():
         hydrostatic[2:5, 2:5] = 0.5 * (hydrostatic[2:5, 2:5] + hydrostatic[2:5, 2:5].T)
-    return (
-        _radiation(paths[0], density * matrix),
-        _excitation(paths[1], density * gravity * length ** (2.0 + _ROTATES)),
-        hydrostatic,
-    )
+    excitation = _excitation(paths[1], density * gravity * length ** (2.0 + _ROTATES))
+    return _radiation(paths[0], density * matrix), excitation, hydrostatic
 
 
 def _rows(path: Path, least: int) -> list[list[float]]:
@@ -432,17 +422,14 @@ def read_mooring(path: Path, depth: float) -> tuple[MooringLine, ...]:
     points = {_first(row, "id", "node"): row for row in sections.get("points", [])}
     friction, copies, middle = None, [0.0], np.zeros(2)
     for words in (list(row.values()) for row in sections.get("options", [])):
+        key = words[1].lower() if words[1:] else ""
         if words[0].lower() == "repeat":
             copies += [np.radians(file.value("repeat", word)) for word in words[1:]]
         elif words[0].lower() == "ref_position":
             middle = np.array([file.value("ref_position", word) for word in words[1:3]])
-        elif words[1:2] and words[1].lower() in ("frictioncoefficient", "mu_kt"):
+        elif key in ("frictioncoefficient", "mu_kt"):
             friction = file.value(words[1], words[0])
-        elif (
-            words[1:2]
-            and words[1].lower() == "wtrdpth"
-            and abs(file.value("WtrDpth", words[0]) - depth) > _SAME * depth
-        ):
+        elif key == "wtrdpth" and abs(file.value("WtrDpth", words[0]) - depth) > _SAME * depth:
             raise file.fail("WtrDpth", words[0], f"that of the model, {depth:g} m")
     lines = []
     for angle in copies:
@@ -455,14 +442,10 @@ def read_mooring(path: Path, depth: float) -> tuple[MooringLine, ...]:
             kind = types.get(_first(row, "linetype"))
             if kind is None:
                 raise file.fail("LineType", _first(row, "linetype"), f"one of {', '.join(types)}")
-            length, mass, diameter, stiffness = (
-                file.value(key, word)
-                for key, word in (
-                    ("UnstrLen", _first(row, "unstrlen")), ("MassDen", _first(kind, "massden", "massdeninair")),
-                    ("Diam", _first(kind, "diam")), ("EA", _first(kind, "ea")),
-                )
-            )  # fmt: skip
+            values = {"UnstrLen": _first(row, "unstrlen"), "MassDen": _first(kind, "massden", "massdeninair"),
+                      "Diam": _first(kind, "diam"), "EA": _first(kind, "ea")}  # fmt: skip
             rubs = friction if friction is not None else file.value("CB", kind.get("cb", "0"))
+            length, mass, diameter, stiffness = (file.value(key, word) for key, word in values.items())
             lines.append(MooringLine(*ends, length, mass, diameter, stiffness, rubs))
     if not lines:
         raise file.fail("lines", 0, "at least one mooring line")
@@ -471,22 +454,19 @@ def read_mooring(path: Path, depth: float) -> tuple[MooringLine, ...]:
 
 def _ends(file: TextFile, row: dict[str, str], points: dict[str, dict[str, str]], depth: float) -> tuple[Array, Array]:
     """Return anchor and fairlead of a line."""
-    places = {}
+    line, places = f"line {next(iter(row.values()))}", {}
     for name in (_first(row, "attacha", "nodeanch"), _first(row, "attachb", "nodefair")):
         point = points.get(name, {})
         kind = _first(point, "type", "attachment", "attach", "att").lower()
         if kind not in (*_FIXED, *_MOVING):
-            raise file.fail(f"end {name} of line {next(iter(row.values()))}", kind, "a point that is Fixed or Vessel")
-        place = [
-            -depth if word.lower() == "depth" else file.value("Z", word) for word in (point[axis] for axis in "xyz")
-        ]
+            raise file.fail(f"end {name} of {line}", kind, "a point that is Fixed or Vessel")
+        words = [point[axis] for axis in "xyz"]
+        place = [-depth if word.lower() == "depth" else file.value("Z", word) for word in words]
         places[kind in _MOVING] = np.array(place)
     if len(places) < 2:
-        raise file.fail(
-            f"line {next(iter(row.values()))}", " ".join(row.values()), "a line from a Fixed to a Vessel point"
-        )
+        raise file.fail(line, " ".join(row.values()), "a line from a Fixed to a Vessel point")
     if flags := {"omit_contact", "linear_spring"} & {word.lower() for word in row.values()}:
-        raise file.fail(f"line {next(iter(row.values()))}", flags.pop(), "an elastic catenary on the seabed")
+        raise file.fail(line, flags.pop(), "an elastic catenary on the seabed")
     return places[False], places[True]
 
 
@@ -511,7 +491,6 @@ def _sections(file: TextFile) -> dict[str, list[dict[str, str]]]:
             if as_number(words[0]) is None:  # a line with the number of rows may stand above
                 header = [word.lower() for word in words]
             continue
-        sections.setdefault(name, []).append(
-            {(header[k] if k < len(header) else str(k)): word for k, word in enumerate(words)}
-        )
+        row = {(header[k] if k < len(header) else str(k)): word for k, word in enumerate(words)}
+        sections.setdefault(name, []).append(row)
     return sections

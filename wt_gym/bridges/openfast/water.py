@@ -59,7 +59,8 @@ def write_water(platform: Platform, folder: Path) -> None:
 
 def _write_hydrodyn(platform: Platform, path: Path) -> None:
     joints, members, axial = _members(platform)
-    n = len(members)
+    n, rows = len(members), list(enumerate(members, 1))
+    sizes = [_ELEMENT if drag else 1e3 for _, drag in members]  # one element where there is no drag
     write_from_template(
         path,
         f"HydroDyn input of {platform.name}",
@@ -74,11 +75,9 @@ def _write_hydrodyn(platform: Platform, path: Path) -> None:
             "quadratic damping": _matrix("AddBQuad", platform.quadratic_damping),
             "axial coefficients": [f"{k} {drag:.15g} 0.0 0.0 0 0.0 1.0" for k, drag in enumerate(axial, 1)],
             "joints": [f"{k} {_row(place)} {kind} 0" for k, (place, kind) in enumerate(joints, 1)],
-            "sections": [f"{k} {d:.15g} {0.01 * d:.15g}" for k, (d, _) in enumerate(members, 1)],
-            "member coefficients": [
-                f"{k} {drag:.15g} {drag:.15g}{' 0.0' * 26}" for k, (_, drag) in enumerate(members, 1)
-            ],
-            "members": [f"{k} {2 * k - 1} {2 * k} {k} {k} 1 0.0 {_ELEMENT} 3 1 True" for k in range(1, n + 1)],
+            "sections": [f"{k} {d:.15g} {0.01 * d:.15g}" for k, (d, _) in rows],
+            "member coefficients": [f"{k} {drag:.15g} {drag:.15g}{' 0.0' * 26}" for k, (_, drag) in rows],
+            "members": [f"{k} {2 * k - 1} {2 * k} {k} {k} 1 0.0 {size} 3 1 True" for k, size in enumerate(sizes, 1)],
         },
     )  # fmt: skip
 
