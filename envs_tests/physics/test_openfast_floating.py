@@ -15,10 +15,7 @@ from wt_gym.turbines.openfast_text import InputFile
 from wt_gym.wind import SteadyInflow
 
 SERIES = Path(__file__).resolve().parents[3] / "shared" / "floating" / "series" / "oc4_decay_pitch.csv"
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(openfast_library() is None, reason="no library of OpenFAST"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(openfast_library() is None, reason="no library of OpenFAST")]
 PERIOD, DURATION, LAST = 10.0, 100.0, 40.0
 OMEGA = 2.0 * np.pi / PERIOD
 

@@ -13,13 +13,7 @@ from wt_gym.control.bladed.rosco import _feedback_values, tuned_input
 from wt_gym.control.controllers import make_controller
 from wt_gym.control.controllers.floating_feedback import FloatingFeedback
 from wt_gym.control.controllers.own import own_parameters
-from wt_gym.control.design import (
-    DESIGN_WIND,
-    full_power_wind,
-    platform_pitch_frequency,
-    rotor_inertia,
-    trim_pitch,
-)
+from wt_gym.control.design import DESIGN_WIND, full_power_wind, platform_pitch_frequency, rotor_inertia, trim_pitch
 from wt_gym.control.rotor import rotor_of
 from wt_gym.turbines import load_turbine
 

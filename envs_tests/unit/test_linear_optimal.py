@@ -52,14 +52,7 @@ from wt_gym.learning.linear_design import (
     n_read,
 )
 from wt_gym.learning.options import Excitation, FeedbackOptions, LinearDesignTask, design_task
-from wt_gym.learning.recording import (
-    Recording,
-    RecordingStore,
-    explained_share,
-    identify,
-    respond,
-    sea_of_training,
-)
+from wt_gym.learning.recording import Recording, RecordingStore, explained_share, identify, respond, sea_of_training
 from wt_gym.simulation import Simulator
 from wt_gym.simulation.drivetrain.drives import pitch_delay
 from wt_gym.turbines import load_turbine

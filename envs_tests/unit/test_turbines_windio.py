@@ -55,10 +55,7 @@ def small_turbine() -> dict:
     """A made-up 40 m blade of constant section on an 80 m tower, in as few numbers as windIO allows."""
     angle = np.linspace(0.0, 2.0 * np.pi, 21)
     data = copy.deepcopy(SMALL)
-    data["airfoils"][0]["coordinates"] = {
-        "x": list(np.abs(0.5 + 0.5 * np.cos(angle))),
-        "y": list(0.1 * np.sin(angle)),
-    }
+    data["airfoils"][0]["coordinates"] = {"x": list(np.abs(0.5 + 0.5 * np.cos(angle))), "y": list(0.1 * np.sin(angle))}
     return data
 
 
