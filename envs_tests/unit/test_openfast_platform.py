@@ -159,6 +159,7 @@ def test_lines_of_map_and_moordyn():
         ("---------------------- SOLVER", "---- RODS ----\nID Type\n1 r\n---- SOLVER", "rods must be absent"),
         ("0.001 dtM", "100.0 WtrDpth", "WtrDpth must be that of the model, 150 m"),
         ("0.001 dtM", "-0.5 mu_kA", r"MooringLine\.seabed_friction must be a number from 0 to 10, got -0\.5"),
+        ("2 Vessel", "1 Vessel", r"points must be 2 different names, got \['1'\]"),
         ("1 NLines", "2 NLines", "lines must be as many rows as announced, 2, got 1"),
         ("Type X Y", "Type X(m) Y", "points must be rows below the names of their columns, x among them"),
         ("---------------------- SOLVER", "---- EXTERNAL LOADS\nID\n1 Point1\n---- SOLVER", "loads must be absent"),

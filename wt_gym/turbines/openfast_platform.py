@@ -456,6 +456,9 @@ def read_mooring(path: Path, depth: float, notes: list[str]) -> tuple[MooringLin
             raise file.fail(name, " ".join(rows[0].values()), "absent: lines run from anchors to the platform")
     types = {_first(row, "name", "linetype", "typename"): row for row in sections.get("types", [])}
     points = {_first(row, "id", "node"): row for row in sections.get("points", [])}
+    for name, table in (("types", types), ("points", points)):
+        if len(table) != len(sections[name]):
+            raise file.fail(name, [*table], f"{len(sections[name])} different names")
     options: dict[str, list[str]] = {}
     for first, *rest in (list(row.values()) for row in sections.get("options", [])):
         options.setdefault(first.lower(), []).extend(rest)  # MAP++: keyword, values
@@ -485,14 +488,12 @@ def read_mooring(path: Path, depth: float, notes: list[str]) -> tuple[MooringLin
             ]  # fmt: skip
             with _named(path):
                 lines.append(MooringLine(*ends, *numbers))
-            if not lines[-1].rests(depth):
+            if angle == 0.0 and not lines[-1].rests(depth):
                 name, z = next(iter(row.values())), lines[-1].anchor[2]
                 notes.append(f"{path.name}: line {name} hangs free, its anchor is at {z:g} m, above the seabed")
     for name, kind in types.items():
         if file.value("EI", kind.get("ei", "0")) != 0.0:
             notes.append(f"{path.name}: left aside: EI {kind['ei']} of {name}; lines do not resist bending")
-    if not lines:
-        raise file.fail("lines", 0, "at least one mooring line")
     return tuple(lines)
 
 
