@@ -24,16 +24,11 @@ from wt_gym.simulation import Recorder, channel_table
 from wt_gym.tasks import TASKS
 from wt_gym.turbines import load_turbine
 from wt_gym.turbines.variants import mirrored
-from wt_gym.wind import (
-    MirroredInflow,
-    PathInflow,
-    SteadyInflow,
-    TransientInflow,
-    TurbulenceBox,
-    TurbulentInflow,
-    TurningInflow,
-)
-from wt_gym.wind.inflow import PointInflow
+from wt_gym.wind.iec import TransientInflow
+from wt_gym.wind.inflow import MirroredInflow, PointInflow, TurningInflow
+from wt_gym.wind.steady import SteadyInflow
+from wt_gym.wind.turbulence_box import TurbulenceBox
+from wt_gym.wind.turbulent import PathInflow, TurbulentInflow
 
 AGENTS = sorted(path.parent for path in (shipped_folder() / "trained").glob("*/model.zip"))
 STEPS = 25

@@ -16,24 +16,13 @@ import pytest
 
 from wt_gym.base.errors import ActionError, SimulationError, TurbineDefinitionError
 from wt_gym.bridges.compiler import find_compiler
-from wt_gym.bridges.openfast import (
-    DRIVER_VARIABLE,
-    OpenFASTSimulator,
-    PointLidar,
-    ServedController,
-    find_driver,
-    find_library,
-    read_outputs,
-    write_driver_run,
-    write_model,
-)
-from wt_gym.bridges.openfast.driver import read_turbine, write_turbine
+from wt_gym.bridges.openfast.driver import read_outputs, read_turbine, write_driver_run, write_turbine
 from wt_gym.bridges.openfast.measurement import AERODYN_OUTPUTS, INFLOW_OUTPUTS, Measurement, elastodyn_outputs
-from wt_gym.bridges.openfast.model import TopBody, bending_shapes, blade_sections, tower_sections
-from wt_gym.bridges.openfast.process import VARIABLE, relay_library
-from wt_gym.bridges.openfast.run_folder import BentTurbine
-from wt_gym.bridges.openfast.simulator import PitchPath
-from wt_gym.bridges.openfast.wind import sampled, write_wind
+from wt_gym.bridges.openfast.model import TopBody, bending_shapes, blade_sections, tower_sections, write_model
+from wt_gym.bridges.openfast.process import DRIVER_VARIABLE, VARIABLE, find_driver, find_library, relay_library
+from wt_gym.bridges.openfast.run_folder import BentTurbine, ServedController
+from wt_gym.bridges.openfast.simulator import OpenFASTSimulator, PitchPath
+from wt_gym.bridges.openfast.wind import PointLidar, sampled, write_wind
 from wt_gym.commands import loadcases
 from wt_gym.commands import parse as parse_command
 from wt_gym.commands import run as run_command

@@ -13,27 +13,14 @@ from wt_gym.base.errors import ControllerError
 from wt_gym.base.quantities import wrapped
 from wt_gym.control import Demand, Notch
 from wt_gym.control.bladed.records import channels_read
-from wt_gym.control.controllers import (
-    COMPILED,
-    CONTROLLERS,
-    BaselineParameters,
-    Combined,
-    DisconController,
-    RotorTable,
-    WindEstimator,
-    additions,
-    checked_demand,
-    controller_parameters,
-    from_harmonic,
-    make_controller,
-    nrel_5mw_parameters,
-    retuned_parameters,
-    rotor_table,
-    to_harmonic,
-)
+from wt_gym.control.controllers import COMPILED, CONTROLLERS, additions, from_harmonic, retuned_parameters, to_harmonic
+from wt_gym.control.controllers.controller import Combined, checked_demand
+from wt_gym.control.controllers.discon import BaselineParameters, DisconController, nrel_5mw_parameters
+from wt_gym.control.controllers.names import controller_parameters, make_controller
 from wt_gym.control.controllers.own import TUNED, found_factor, gain_of_table, record_of, tuned_parameters
-from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, pitch_schedule
+from wt_gym.control.controllers.tsr_tracking import TsrTrackingController, WindEstimator, pitch_schedule
 from wt_gym.control.design import drive_mode, flap_moment_sensitivity, rotor_inertia
+from wt_gym.control.rotor import RotorTable, rotor_table
 from wt_gym.control.sensors import BandLimitedIntegrator, harmonic_of_blades, to_blades, to_fixed_frame
 from wt_gym.envs.wind_sampler import TRAINING_WIND_SEEDS
 from wt_gym.experiment.tuning import Cost, TuningTask, _defaults

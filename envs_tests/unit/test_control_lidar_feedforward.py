@@ -9,15 +9,10 @@ import numpy as np
 import pytest
 
 from wt_gym.control import Demand, Lidar, operating_point
-from wt_gym.control.controllers import (
-    Combined,
-    DisconController,
-    LidarFeedforward,
-    lidar_of,
-    make_controller,
-    nrel_5mw_parameters,
-    readings_of,
-)
+from wt_gym.control.controllers.controller import Combined, lidar_of, readings_of
+from wt_gym.control.controllers.discon import DisconController, nrel_5mw_parameters
+from wt_gym.control.controllers.lidar_feedforward import LidarFeedforward
+from wt_gym.control.controllers.names import make_controller
 from wt_gym.envs.layout import layout_of
 from wt_gym.experiment.agents import ControllerAgent
 from wt_gym.experiment.run import run_controller

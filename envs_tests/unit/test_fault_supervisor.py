@@ -7,15 +7,11 @@ import numpy as np
 import pytest
 
 from wt_gym.control import Demand
-from wt_gym.control.controllers import (
-    FaultSupervisor,
-    fault_supervisor_of,
-    lidar_of,
-    make_controller,
-    parts_of,
-    supervisor_of,
-)
+from wt_gym.control.controllers.controller import lidar_of, parts_of
+from wt_gym.control.controllers.fault_supervisor import FaultSupervisor, fault_supervisor_of
 from wt_gym.control.controllers.linear_optimal import linear_part
+from wt_gym.control.controllers.names import make_controller
+from wt_gym.control.controllers.supervisor import supervisor_of
 from wt_gym.control.design import reference_flap_moment
 from wt_gym.turbines import load_turbine
 

@@ -10,27 +10,15 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from wt_gym.base.errors import InflowError, SimulationError, TurbineDefinitionError
-from wt_gym.hydrodynamics import (
-    PLATFORMS,
-    DragMember,
-    ExcitationTable,
-    HeavePlate,
-    MeanDrift,
-    MooringLine,
-    Platform,
-    PlatformLoads,
-    RadiationTable,
-    SeaState,
-    WaveComponents,
-    load_platform,
-    wave_number,
-)
 from wt_gym.hydrodynamics.design import Column, Pontoon, panel_flow
 from wt_gym.hydrodynamics.design import _hydrostatics as hydrostatics
-from wt_gym.hydrodynamics.drag import drag_points, linear_drag, mean_square
-from wt_gym.hydrodynamics.loads import WaveResponse
+from wt_gym.hydrodynamics.drag import DragMember, HeavePlate, drag_points, linear_drag, mean_square
+from wt_gym.hydrodynamics.loads import PlatformLoads, WaveResponse
 from wt_gym.hydrodynamics.loads_kernels import accept_step, platform_force, water_motion
-from wt_gym.hydrodynamics.mooring import line_forces, line_shape
+from wt_gym.hydrodynamics.mooring import MooringLine, line_forces, line_shape
+from wt_gym.hydrodynamics.platform import PLATFORMS, Platform, load_platform
+from wt_gym.hydrodynamics.potential import ExcitationTable, MeanDrift, RadiationTable
+from wt_gym.hydrodynamics.waves import SeaState, WaveComponents, wave_number
 
 STILL = (np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
 
@@ -87,6 +75,31 @@ class TestMooringLine:
     def test_floating_line_is_refused(self):
         with pytest.raises(TurbineDefinitionError, match=r"mass_per_length must be above that of the water, 8\.0"):
             MooringLine((0, 0, -200), (0, 0, -10), 100.0, 7.0, 0.1, 1e8).weight(1025.0, 9.81)
+
+    @pytest.mark.parametrize(("part", "value", "message"), [
+        ("length", 1000.0, r"length must be at most 982\.7\d* m \(796\.732 m on the seabed, 186 m up .*, got 1000"),
+        ("length", 300.0, r"within reach of a line of 300 m, got 796\.732 m across .* above its anchor, 818\.155 m"),
+        ("anchor", (-837.6, 0.0, -195.0), r"anchor\[2\] must be on the seabed, -200 m: a line of 835\.35 m hangs down"),
+    ])  # fmt: skip
+    def test_lines_that_hold_nothing_are_refused(self, part, value, message):
+        platform = load_platform("oc4_semi")
+        line = replace(platform.lines[1], **{part: value})
+        with pytest.raises(TurbineDefinitionError, match=r"Platform\.lines\[1\].*" + message):
+            replace(platform, lines=(platform.lines[0], line))
+
+
+@pytest.mark.parametrize("name", PLATFORMS)
+def test_radiation_has_the_sign_of_a_loss(name):
+    """A motion that gains energy is refused, and so is half a matrix; noise of a table is not."""
+    table = load_platform(name).radiation
+    at = int(np.argmax(table.damping[:, 2, 2]))
+    heave = np.zeros_like(table.damping)
+    heave[:, 2, 2] = table.damping[:, 2, 2]
+    replace(table, damping=table.damping - 0.02 * heave[at])
+    with pytest.raises(TurbineDefinitionError, match=rf"at {table.frequency[at]:g} rad/s must be positive .* got 1\.0"):
+        replace(table, damping=table.damping - 2.0 * heave)
+    with pytest.raises(TurbineDefinitionError, match="added_mass_infinite must be symmetric"):
+        replace(table, added_mass_infinite=np.triu(table.added_mass_infinite))
 
 
 def box(**options):

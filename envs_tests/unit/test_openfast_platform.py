@@ -67,6 +67,11 @@ def keyword(file, key, value):
     return file, rf"(?m)^\S+(\s+{re.escape(key)}\s)", rf"{value}\1"
 
 
+def in_radians(table):
+    rows = (line.split() for line in table[0].splitlines())
+    return "".join(f"{a} {np.radians(float(b)):.6f} {' '.join(rest)}\n" for a, b, *rest in rows)
+
+
 def test_a_written_platform_is_read_back(turbine, tmp_path):
     train = turbine.drivetrain
     path = write_model(turbine, tmp_path)
@@ -134,8 +139,8 @@ MOORDYN = (DATA / "moordyn.dat").read_text()
 
 def test_lines_of_map_and_moordyn():
     """Both forms describe one line; MAP++ repeats it a quarter of a turn further."""
-    first, second = read_mooring(DATA / "map.dat", 150.0)
-    assert read_mooring(DATA / "moordyn.dat", 150.0) == (first,)
+    first, second = read_mooring(DATA / "map.dat", 150.0, [])
+    assert read_mooring(DATA / "moordyn.dat", 150.0, []) == (first,)
     assert (first.length, first.mass_per_length, first.diameter, first.axial_stiffness) == (430.0, 120.0, 0.1, 7e8)
     assert first.seabed_friction == 0.5
     np.testing.assert_allclose(second.anchor, [0.0, 400.0, -150.0], atol=1e-9)
@@ -151,13 +156,18 @@ def test_lines_of_map_and_moordyn():
         ("1 chain 430", "1 rope 430", "LineType must be one of chain, got 'rope'"),
         ("---------------------- SOLVER", "---- RODS ----\nID Type\n1 r\n---- SOLVER", "rods must be absent"),
         ("0.001 dtM", "100.0 WtrDpth", "WtrDpth must be that of the model, 150 m"),
+        ("0.001 dtM", "-0.5 mu_kA", r"MooringLine\.seabed_friction must be a number from 0 to 10, got -0\.5"),
+        ("2 Vessel", "1 Vessel", r"points must be 2 different names, got \['1'\]"),
+        ("1 NLines", "2 NLines", "lines must be as many rows as announced, 2, got 1"),
+        ("Type X Y", "Type X(m) Y", "points must be rows below the names of their columns, x among them"),
+        ("---------------------- SOLVER", "---- EXTERNAL LOADS\nID\n1 Point1\n---- SOLVER", "loads must be absent"),
     ],
 )
 def test_other_lines_are_refused(tmp_path, pattern, text, message):
     assert pattern in MOORDYN
     (tmp_path / "md.dat").write_text(MOORDYN.replace(pattern, text))
     with pytest.raises(TurbineDefinitionError, match=message) as refusal:
-        read_mooring(tmp_path / "md.dat", 150.0)
+        read_mooring(tmp_path / "md.dat", 150.0, [])
     assert str(refusal.value).startswith("md.dat: ")
 
 
@@ -178,12 +188,43 @@ def test_other_lines_are_refused(tmp_path, pattern, text, message):
         ([keyword("seastate.dat", "MSL2SWL", 1)], "MSL2SWL must be 0"),
         ([("platform.1", r"(?m)^ 0\.0.*\n", "") for _ in range(36)], "must have the added mass of infinite frequency"),
         ([("platform.3", r"(?m)^.*\n", "")], r"platform\.3: must have six motions"),
+        ([("platform.hst", r"(?m)^5 5.*\n", "")], r"platform\.hst: must have 36 rows"),
+        (
+            [("platform.3", r"(?m)^( \S+ \S+ 3) (.*) (.*)$", r"\1 \3 \2")],
+            r"platform\.3: columns must be period, heading",
+        ),
+        (
+            [keyword("hydrodyn.dat", "WAMITULEN", 10)],
+            r"WAMITULEN must be the length of the tables: .* 6\.48739e\+09 kg",
+        ),
+        ([keyword("elastodyn.dat", "PtfmMass", "13476000,0")], "PtfmMass must be one number, with a decimal point"),
         ([keyword("hydrodyn.dat", "PotFile", '"other"')], r"hydrodyn\.dat: PotFile: .*other\.1.* no such file"),
     ],
 )
 def test_what_is_not_modeled_is_refused(files, tmp_path, changes, message):
     with pytest.raises(TurbineDefinitionError, match=message):
         written(files, tmp_path, *changes)
+
+
+def test_a_platform_that_sinks_is_refused(oc4):
+    """Mass in tonnes; the message has both sides of the balance."""
+    message = (
+        r"platform 13476, .* 599718, .* 193065 kg\) must be that of the displaced water, 1\.42649e\+07 kg.* 806259"
+    )
+    with pytest.raises(TurbineDefinitionError, match=message):
+        replace(oc4, floater=replace(oc4.floater, mass=13476.0))
+
+
+def test_forms_of_mooring_files(tmp_path):
+    """Remarks, units in other brackets or none, and letters of any size; what is left aside is noted."""
+    notes, text = list[str](), (DATA / "map.dat").read_text().upper().replace("----\n", "----\nREMARK\n")
+    (tmp_path / "map.dat").write_text(text.replace("(", "[").replace(")", "]"))
+    assert len(read_mooring(tmp_path / "map.dat", 150.0, notes)) == 2
+    text = MOORDYN.replace("BA/-zeta", "EI").replace("-0.8", "1e5").replace("-150.0", "-140.0").replace("430", "396")
+    (tmp_path / "md.dat").write_text(text.replace("(-) (m)", "- m", 1))
+    read_mooring(tmp_path / "md.dat", 150.0, notes)
+    hangs = "md.dat: line 1 hangs free, its anchor is at -140 m, above the seabed"
+    assert notes == [hangs, "md.dat: left aside: EI 1e5 of chain; lines do not resist bending"]
 
 
 def test_second_order_is_left_aside_with_a_note(files, oc4, tmp_path):

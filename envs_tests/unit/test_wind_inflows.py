@@ -9,19 +9,13 @@ import numpy as np
 import pytest
 
 from wt_gym.base.errors import InflowError
-from wt_gym.wind import (
-    MirroredInflow,
-    PathInflow,
-    SteadyInflow,
-    TransientInflow,
-    TurbulenceBox,
-    TurbulentInflow,
-    TurningInflow,
-    iec,
-)
-from wt_gym.wind.inflow import fill_velocity, read_only, velocity_ahead
+from wt_gym.wind import iec
+from wt_gym.wind.iec import TransientInflow
+from wt_gym.wind.inflow import MirroredInflow, TurningInflow, fill_velocity, read_only, velocity_ahead
 from wt_gym.wind.kaimal import coherence_decay, kaimal_spectrum
-from wt_gym.wind.turbulent import speed_path
+from wt_gym.wind.steady import SteadyInflow
+from wt_gym.wind.turbulence_box import TurbulenceBox
+from wt_gym.wind.turbulent import PathInflow, TurbulentInflow, speed_path
 
 HUB, DIAMETER = 90.0, 126.0
 AT_HUB = np.array([0.0, 0.0, HUB])

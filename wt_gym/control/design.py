@@ -129,7 +129,7 @@ def tower_top(turbine: Turbine) -> TowerTop:
     The tower's own mass counts with the square of that deflection (Rayleigh's quotient). Rotor and nacelle are a point
     mass at the top. A monopile bends with the tower, turns and shifts on its foundation, and carries water along.
     """
-    top = _tower_top_mass(turbine)
+    top = turbine.tower_top_mass
     column = _column(turbine.tower)
     z = np.linspace(0.0, column.station[-1], 201)
     arm, step = z[-1] - z, np.diff(z)[0]
@@ -168,7 +168,7 @@ def platform_pitch_frequency(turbine: Turbine) -> float:
         raise ControllerError(f"the platform's pitch must be that of a floating turbine, got {turbine.name!r}")
     tower = turbine.tower.structure
     line, height = tower.inertia[:, 0, 0], turbine.tower.base_height + tower.station
-    top = _tower_top_mass(turbine)
+    top = turbine.tower_top_mass
     moments = [float(np.trapezoid(line * height**n, tower.station)) + top * turbine.hub_height**n for n in range(3)]
     motions = np.ix_([0, 4], [0, 4])
     mass = (floater.mass_matrix + floater.radiation.added_mass_infinite)[motions]
@@ -179,13 +179,6 @@ def platform_pitch_frequency(turbine: Turbine) -> float:
     if squared <= 0.0:
         raise ControllerError(f"{turbine.name!r} must be upright by itself: its stiffness in pitch is {stiffness:.3g}")
     return math.sqrt(squared)
-
-
-def _tower_top_mass(turbine: Turbine) -> float:
-    """Mass of rotor and nacelle [kg]."""
-    blade, nacelle = turbine.blade.structure, turbine.nacelle
-    rotor = turbine.n_blades * np.trapezoid(blade.inertia[:, 0, 0], blade.station) + turbine.hub.mass
-    return float(nacelle.mass + nacelle.yaw_bearing_mass + rotor)
 
 
 @dataclass(frozen=True)

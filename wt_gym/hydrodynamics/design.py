@@ -54,11 +54,7 @@ class Column(Record):
             profile += [(radius, self.height[k]), (radius, self.height[k + 1])]
         if self.height[-1] < 0.0:
             profile.append((0.0, self.height[-1]))
-        line: list[Array] = [np.array(profile[:1])]
-        for start, end in pairwise(profile):
-            n = int(np.ceil(np.hypot(end[0] - start[0], end[1] - start[1]) / size - 1e-9))
-            line += [np.linspace(start, end, n + 1)[1:]] if n else []
-        r, z = np.concatenate(line).T
+        r, z = _divided(profile, size).T
         angle = np.linspace(0.0, 2.0 * np.pi, count + 1)
         grid = np.stack([
             self.position[0] + np.outer(r, np.cos(angle)), self.position[1] + np.outer(r, np.sin(angle)),
@@ -99,11 +95,7 @@ class Pontoon(Record):
         along, aside, length = self._axes()
         half = 0.5 * self.width
         corners = [(-half, self.bottom), (half, self.bottom), (half, self.top), (-half, self.top), (-half, self.bottom)]
-        ring: list[Array] = [np.array(corners[:1])]
-        for start, end in pairwise(corners):
-            n = int(np.ceil(np.hypot(end[0] - start[0], end[1] - start[1]) / size))
-            ring.append(np.linspace(start, end, n + 1)[1:])
-        y, z = np.concatenate(ring).T
+        y, z = _divided(corners, size).T
         x = np.linspace(0.0, length, int(np.ceil(length / size)) + 1)
         flat = self.start + x[:, None, None] * along + y[:, None] * aside
         return _quads(np.concatenate([flat, np.broadcast_to(z[:, None], (*flat.shape[:2], 1))], axis=2))
@@ -114,12 +106,9 @@ class PanelFlow(NamedTuple):
 
     radiation: RadiationTable
     excitation: ExcitationTable
-    hydrostatic: Array
-    """Stiffness of water plane and buoyancy, shape (6, 6)."""
-    displaced_volume: float
-    """[m^3]."""
-    center_of_buoyancy: Array
-    """In x and y [m]."""
+    hydrostatic: Array  #: Stiffness of water plane and buoyancy, shape (6, 6).
+    displaced_volume: float  #: [m^3].
+    center_of_buoyancy: Array  #: In x and y [m].
 
 
 def panel_flow(
@@ -187,6 +176,15 @@ def panel_flow(
         RadiationTable(np.concatenate([[0.0], omega]), added, damping, radiation(np.inf, np.inf)[0]),
         ExcitationTable(omega, beta, force.real, force.imag, is_mirrored=is_mirrored), stiffness, volume, center,
     )  # fmt: skip
+
+
+def _divided(corners: list[tuple[float, float]], size: float) -> Array:
+    """Points (n, 2) of a line over corners, at most a size apart."""
+    points = [np.array(corners[:1])]
+    for start, end in pairwise(corners):
+        n = int(np.ceil(np.hypot(end[0] - start[0], end[1] - start[1]) / size - 1e-9))
+        points.append(np.linspace(start, end, n + 1)[1:])
+    return np.concatenate(points)
 
 
 def _quads(grid: Array) -> Array:

@@ -51,14 +51,10 @@ class HeavePlate(Record):
 class DragPoints(NamedTuple):
     """Points at which drag acts, in axes of the platform."""
 
-    position: Array
-    """Shape (n, 3) [m]."""
-    axis: Array
-    """Unit vectors, shape (n, 3)."""
-    across: Array
-    """Force over the square of the velocity across the axis, ½ ρ C_d A, shape (n,) [kg/m]."""
-    along: Array
-    """The same along the axis."""
+    position: Array  #: Shape (n, 3) [m].
+    axis: Array  #: Unit vectors, shape (n, 3).
+    across: Array  #: Force over the square of the velocity across the axis, ½ ρ C_d A, shape (n,) [kg/m].
+    along: Array  #: The same along the axis.
 
 
 def drag_points(
@@ -130,12 +126,9 @@ def motion_of_points(position: Array) -> Array:
 class LinearDrag(NamedTuple):
     """Drag near a mean flow, force + transfer · (change of the water) - damping · (velocity of the platform)."""
 
-    force: Array
-    """Mean force and moment about the origin, shape (6,)."""
-    damping: Array
-    """Shape (6, 6)."""
-    transfer: Array
-    """Shape (6, n, 3)."""
+    force: Array  #: Mean force and moment about the origin, shape (6,).
+    damping: Array  #: Shape (6, 6).
+    transfer: Array  #: Shape (6, n, 3).
 
 
 def linear_drag(points: DragPoints, flow: Array, across: ArrayLike, along: ArrayLike) -> LinearDrag:

@@ -22,80 +22,53 @@ from wt_gym.hydrodynamics.waves import WaveComponents
 class PlatformArrays(NamedTuple):
     """Arrays of the kernels; n drag points, m lines, r states of the radiation, c components of the sea."""
 
-    buoyancy: Array
-    """Buoyancy at rest [N], x and y of its center [m], shape (3,)."""
+    buoyancy: Array  #: Buoyancy at rest [N], x and y of its center [m], shape (3,).
     hydrostatic: Array
     additional_stiffness: Array
     quadratic_damping: Array
     instant_damping: Array
     """Linear damping, and the part of the radiation that follows from the velocity at the end of the step, (6, 6)."""
-    radiation_transition: Array
-    """State to state, shape (r, r)."""
-    radiation_first: Array
-    """Velocity at the start of a step to state, shape (r, 6)."""
-    radiation_last: Array
-    """Velocity at its end to state, shape (r, 6)."""
-    radiation_output: Array
-    """State to force, shape (6, r)."""
-    point_position: Array
-    """In axes of the platform, shape (n, 3)."""
+    radiation_transition: Array  #: State to state, shape (r, r).
+    radiation_first: Array  #: Velocity at the start of a step to state, shape (r, 6).
+    radiation_last: Array  #: Velocity at its end to state, shape (r, 6).
+    radiation_output: Array  #: State to force, shape (6, r).
+    point_position: Array  #: In axes of the platform, shape (n, 3).
     point_axis: Array
-    point_across: Array
-    """Drag over the square of the velocity across the axis, shape (n,)."""
+    point_across: Array  #: Drag over the square of the velocity across the axis, shape (n,).
     point_along: Array
-    line_anchor: Array
-    """Global axes, shape (m, 3)."""
-    line_fairlead: Array
-    """Axes of the platform, shape (m, 3)."""
+    line_anchor: Array  #: Global axes, shape (m, 3).
+    line_fairlead: Array  #: Axes of the platform, shape (m, 3).
     line_length: Array
-    line_weight: Array
-    """In water per length, shape (m,)."""
+    line_weight: Array  #: In water per length, shape (m,).
     line_stiffness: Array
     line_friction: Array
-    line_rests: Integers
-    """1 where the anchor is on the seabed, shape (m,)."""
-    wave_frequency: Array
-    """Shape (c,)."""
+    line_rests: Integers  #: 1 where the anchor is on the seabed, shape (m,).
+    wave_frequency: Array  #: Shape (c,).
     wave_real: Array
     """Real part of amplitudes: six excitations, elevation, velocities at points; shape (7 + 3 n, c).
 
     With drift 24 more rows: roots of the forces along each motion, in phase and a quarter later, and against it.
     """
     wave_imaginary: Array
-    current: Array
-    """Velocity of the water without waves, shape (3,)."""
+    current: Array  #: Velocity of the water without waves, shape (3,).
     wave_cosine: Array
     wave_sine: Array
     wave_value: Array
     wave_sum: Array
-    excitation: Array
-    """Wave force and moment about the origin, global axes, shape (6,)."""
-    elevation: Array
-    """Of the water at the origin, shape (1,)."""
-    water_velocity: Array
-    """At the drag points, shape (n, 3)."""
-    radiation_state: Array
-    """At the last accepted step, shape (r,)."""
-    radiation_free: Array
-    """State at the end of the step without the velocity there."""
-    radiation_force: Array
-    """Output of `radiation_free`, shape (6,)."""
-    velocity_candidate: Array
-    """Velocity of the last call in axes turned by the yaw, shape (6,)."""
-    line_unknown: Array
-    """Horizontal and vertical force at the fairlead at the last accepted step, shape (m, 2)."""
-    line_candidate: Array
-    """The same of the last call."""
-    line_direction: Array
-    """Horizontal direction from anchor to fairlead, shape (m, 2)."""
-    line_tension: Array
-    """At fairlead and anchor, shape (m, 2)."""
-    radiation_sum: Array
-    """Work space, shape (r,)."""
-    displacement: Array
-    """Work space, shape (6,)."""
-    local_force: Array
-    """Work space, shape (6,)."""
+    excitation: Array  #: Wave force and moment about the origin, global axes, shape (6,).
+    elevation: Array  #: Of the water at the origin, shape (1,).
+    water_velocity: Array  #: At the drag points, shape (n, 3).
+    radiation_state: Array  #: At the last accepted step, shape (r,).
+    radiation_free: Array  #: State at the end of the step without the velocity there.
+    radiation_force: Array  #: Output of `radiation_free`, shape (6,).
+    velocity_candidate: Array  #: Velocity of the last call in axes turned by the yaw, shape (6,).
+    line_unknown: Array  #: Horizontal and vertical force at the fairlead at the last accepted step, shape (m, 2).
+    line_candidate: Array  #: The same of the last call.
+    line_direction: Array  #: Horizontal direction from anchor to fairlead, shape (m, 2).
+    line_tension: Array  #: At fairlead and anchor, shape (m, 2).
+    radiation_sum: Array  #: Work space, shape (r,).
+    displacement: Array  #: Work space, shape (6,).
+    local_force: Array  #: Work space, shape (6,).
 
 
 _STATE = (
@@ -149,7 +122,7 @@ class PlatformLoads:
             "line_weight": np.array([line.weight(density, gravity) for line in lines]),
             "line_stiffness": np.array([line.axial_stiffness for line in lines]),
             "line_friction": np.array([line.seabed_friction for line in lines]),
-            "line_rests": np.array([line.anchor[2] < 0.1 - platform.water_depth for line in lines], dtype=np.int64),
+            "line_rests": np.array([line.rests(platform.water_depth) for line in lines], dtype=np.int64),
             "excitation": np.zeros(6), "elevation": np.zeros(1), "water_velocity": np.zeros((n, 3)),
             "radiation_state": np.zeros(r), "radiation_free": np.zeros(r), "radiation_force": np.zeros(6),
             "velocity_candidate": np.zeros(6), "line_unknown": np.zeros((m, 2)), "line_candidate": np.zeros((m, 2)),

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wt_gym.base.errors import SimulationError
+from wt_gym.base.errors import SimulationError, TurbineDefinitionError
 from wt_gym.base.options import option, option_record
 from wt_gym.base.quantities import Array
 from wt_gym.hydrodynamics.mooring_kernels import SOLVED, anchor_tension, solve_line
@@ -42,6 +42,36 @@ class MooringLine(Record):
             water = water_density * 0.25 * math.pi * self.diameter**2
             raise fail("MooringLine.mass_per_length", self.mass_per_length, f"above that of the water, {water:g} kg/m")
         return weight
+
+    def pull(self, water_density: float, gravity: float, water_depth: float, name: str = "MooringLine") -> float:
+        """Return the force down on a platform at its place without displacement [N]; ``name`` is for messages.
+
+        Raises
+        ------
+        TurbineDefinitionError
+            If the line floats, does not reach, lies slack on the seabed or hangs through it.
+        """
+        weight, (x, y, z) = self.weight(water_density, gravity), self.fairlead - self.anchor
+        across, rests, stretch = math.hypot(x, y), self.rests(water_depth), self.axial_stiffness / weight
+        try:
+            line = self.length, weight, self.axial_stiffness
+            h, v, _ = line_forces(across, z, *line, friction=self.seabed_friction, rests=rests)
+        except SimulationError as error:
+            raise TurbineDefinitionError(f"{name}: {error}") from error
+        longest = across + math.sqrt(stretch**2 + 2.0 * stretch * abs(z)) - stretch
+        if rests and self.length > longest:
+            allowed = f"at most {longest:g} m ({across:g} m on the seabed, {z:g} m up to the fairlead), or it is slack"
+            raise fail(f"{name}.length", self.length, allowed)
+        anchor = min(v - weight * self.length, 0.0)
+        lowest = self.anchor[2] - (math.hypot(h, anchor) - h) / weight
+        if not rests and lowest < -water_depth:
+            allowed = f"on the seabed, {-water_depth:g} m: a line of {self.length:g} m hangs down to {lowest:g} m"
+            raise fail(f"{name}.anchor[2]", self.anchor[2], allowed)
+        return v
+
+    def rests(self, water_depth: float) -> bool:
+        """Return whether the anchor is on the seabed, on which a part of the line may rest."""
+        return bool(self.anchor[2] < 0.1 - water_depth)
 
 
 def line_forces(
@@ -81,7 +111,7 @@ def unsolved(x: float, z: float, length: float) -> SimulationError:
     """Error about a line whose ends are too far from each other, or whose upper end is not above its anchor."""
     return SimulationError(
         f"the fairlead must be above the seabed and within reach of a line of {length:g} m, "
-        f"got {x:g} m across and {z:g} m above its anchor"
+        f"got {x:g} m across and {z:g} m above its anchor, {math.hypot(x, z):g} m"
     )
 
 

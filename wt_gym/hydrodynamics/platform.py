@@ -81,14 +81,23 @@ class Platform(Record):
             raise fail("Platform.hydrostatic", horizontal, "0 in surge, sway and yaw, which change no water plane")
         if self.hydrostatic[2, 2] <= 0.0:
             raise fail("Platform.hydrostatic[2, 2]", self.hydrostatic[2, 2], "above 0 N/m")
-        if self.water_density * self.displaced_volume < self.mass:
-            displaced = self.water_density * self.displaced_volume
-            raise fail("Platform.mass", self.mass, f"at most that of the displaced water, {displaced:g} kg")
+        if self.displaced_mass < self.mass:
+            raise fail("Platform.mass", self.mass, f"at most that of the displaced water, {self.displaced_mass:g} kg")
         for k, line in enumerate(self.lines):
-            line.weight(self.water_density, self.gravity)
             if line.anchor[2] < -self.water_depth - 0.1:
-                place, seabed = f"Platform.lines[{k}].anchor[2]", -self.water_depth
-                raise fail(place, line.anchor[2], f"above the seabed, {seabed:g} m")
+                seabed = f"above the seabed, -{self.water_depth:g} m"
+                raise fail(f"Platform.lines[{k}].anchor[2]", line.anchor[2], seabed)
+        self.pull()
+
+    @property
+    def displaced_mass(self) -> float:
+        """Mass of the displaced water [kg]."""
+        return self.water_density * self.displaced_volume
+
+    def pull(self) -> float:
+        """Return the force down of all lines at the place without displacement [N]; see `MooringLine.pull`."""
+        water = self.water_density, self.gravity, self.water_depth
+        return sum(line.pull(*water, f"Platform.lines[{k}]") for k, line in enumerate(self.lines))
 
     @property
     def mass_matrix(self) -> Array:

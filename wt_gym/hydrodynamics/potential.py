@@ -29,10 +29,8 @@ _CUTS = 15  # steps of the search for it
 _IRREGULAR = 3.0  # imaginary part over damping; both have peaks of one size where the flow has them
 _TIMES = 6  # of the impulse response in half a period of the highest frequency
 _LEAST_DAMPED = 0.03  # least damping ratio of a pole
-_LOW, _HIGH = (
-    0.4,
-    1.5,
-)  # between them errors of the force count equally; below them errors of the added mass more [rad/s]
+_LOW, _HIGH = 0.4, 1.5  # between them errors of the force count equally; below them those of A more [rad/s]
+_NOISE = 0.1  # of a table, of its peaks; published tables have up to 0.03, at irregular frequencies
 
 
 @option_record
@@ -48,10 +46,24 @@ class RadiationTable(Record):
     added_mass_infinite: Array = option("A at infinite frequency", shape=(6, 6))
 
     def check(self) -> None:
-        """Check that the added mass is positive."""
+        """Check that added mass and damping are symmetric and not negative, as the energy of the waves is."""
         infinite = self.added_mass_infinite
         if np.any(np.diag(infinite) < 0.0):
             raise fail("RadiationTable.added_mass_infinite", np.diag(infinite), "at least 0 on the diagonal")
+        for name, values in (("damping", self.damping), ("added_mass_infinite", infinite[None])):
+            peak = np.sqrt(np.abs(np.einsum("kii->ki", values)).max(axis=0))
+            # yaw of a round hull has noise alone, which counts as little as it is beside roll and pitch
+            peak = np.maximum(peak, 0.01 * peak.reshape(2, 3).max(axis=1).repeat(3))
+            relative = values / np.where(np.outer(peak, peak) > 0.0, np.outer(peak, peak), 1.0)
+            turned = np.swapaxes(relative, 1, 2)
+            for words, share in (
+                ("symmetric, both sides equal", np.abs(relative - turned).max(axis=(1, 2))),
+                ("positive semidefinite, its eigenvalues above 0", -0.5 * np.linalg.eigvalsh(relative + turned)[:, 0]),
+            ):
+                if share.max() > _NOISE:
+                    at = f" at {self.frequency[share.argmax()]:g} rad/s" if name == "damping" else ""
+                    allowed = f"{words} but for {_NOISE:g} of its peaks"
+                    raise fail(f"RadiationTable.{name}{at}", round(float(share.max()), 3), allowed)
 
     def kernel(self) -> Complexes:
         """Return K(jω) = B(ω) + jω (A(ω) - A(∞)), shape (frequency, 6, 6), made symmetric.
@@ -82,6 +94,7 @@ class _HeadingTable(Record):
 
     frequency: Array
     heading: Array
+    force: Any
     is_mirrored: bool
 
     def check(self) -> None:
@@ -95,8 +108,18 @@ class _HeadingTable(Record):
         if self.heading[-1] - low > 2.0 * np.pi + 1e-9:
             raise fail(f"{name}.heading", self.heading, "of one turn at most")
 
-    def _at(self, values: NDArray[Any], frequency: ArrayLike, heading: ArrayLike) -> NDArray[Any]:
-        """Return values (frequency, heading, 6) at pairs of frequencies [rad/s] and headings [rad] as (n, 6)."""
+    def at(self, frequency: ArrayLike, heading: ArrayLike) -> NDArray[Any]:
+        """Return ``force`` at pairs of frequencies [rad/s] and headings [rad], both (n,), as (n, 6).
+
+        Values, or their real and imaginary parts, are linear in frequency and heading. Of a platform that is its own
+        image in y, a wave from the other side has surge, heave and pitch of the same sign and sway, roll and yaw of the
+        opposite sign.
+
+        Raises
+        ------
+        InflowError
+            If a frequency or a heading is outside of the table.
+        """
         omega, beta = np.broadcast_arrays(np.asarray(frequency, np.float64), np.asarray(heading, np.float64))
         low, high = self.frequency[0], self.frequency[-1]
         if np.any(outside := (omega < low - 1e-9) | (omega > high + 1e-9)):
@@ -104,7 +127,7 @@ class _HeadingTable(Record):
                 f"frequencies of waves must be from {low:g} to {high:g} rad/s, as in the table of the platform, "
                 f"got {omega[outside][0]:g}"
             )
-        angles, values = self._turn(values)
+        angles, values = self._turn(np.asarray(self.force))
         start = angles[0]
         turned = start + np.mod(beta - start + 1e-9, 2.0 * np.pi) - 1e-9
         if np.any(outside := turned > angles[-1] + 1e-9):
@@ -151,19 +174,6 @@ class ExcitationTable(_HeadingTable):
         """Complex force X, shape (frequency, heading, 6)."""
         return self.real + 1j * self.imaginary
 
-    def at(self, frequency: ArrayLike, heading: ArrayLike) -> Complexes:
-        """Return X at pairs of frequencies [rad/s] and headings [rad], both (n,), as (n, 6).
-
-        Real and imaginary parts are linear in frequency and heading. Of a platform that is its own image in y, a wave
-        from the other side has surge, heave and pitch of the same sign and sway, roll and yaw of the opposite sign.
-
-        Raises
-        ------
-        InflowError
-            If a frequency or a heading is outside of the table.
-        """
-        return self._at(self.force, frequency, heading)
-
 
 @option_record
 class MeanDrift(_HeadingTable):
@@ -180,26 +190,13 @@ class MeanDrift(_HeadingTable):
     force: Array = option("force [N/m^2] and moment [N m/m^2]", shape=("frequency", "heading", 6))
     is_mirrored: bool = option("the platform is its own image in the plane of x and z", default=False)
 
-    def at(self, frequency: ArrayLike, heading: ArrayLike) -> Array:
-        """Return the mean force at pairs of frequencies [rad/s] and headings [rad], both (n,), as (n, 6).
-
-        Raises
-        ------
-        InflowError
-            If a frequency or a heading is outside of the table.
-        """
-        return self._at(self.force, frequency, heading)
-
 
 class StateSpace(NamedTuple):
     """Linear system x' = A x + B u, y = C x."""
 
-    a: Array
-    """Shape (n, n) [1/s]."""
-    b: Array
-    """Shape (n, 6)."""
-    c: Array
-    """Shape (6, n)."""
+    a: Array  #: Shape (n, n) [1/s].
+    b: Array  #: Shape (n, 6).
+    c: Array  #: Shape (6, n).
 
     @property
     def motion(self) -> Integers:

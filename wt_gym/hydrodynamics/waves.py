@@ -17,6 +17,7 @@ from wt_gym.hydrodynamics.record import Record
 
 _TIDE = 120.0  # Period beyond which an elevation is none of waves [s]
 KINDS = ("still", "regular", "jonswap", "pierson_moskowitz", "white", "file")
+_PEAKED = ("jonswap", "pierson_moskowitz")
 
 
 def wave_number(frequency: ArrayLike, depth: float, gravity: float = GRAVITY) -> Array:
@@ -168,8 +169,8 @@ class SeaState(WaveRecord):
                 f"SeaState.high_cutoff must be at least two components above low_cutoff {self.low_cutoff:g}, "
                 f"got {self.high_cutoff:g} rad/s"
             )
-        is_inside = 0.98 * self.low_cutoff < 2.0 * math.pi / self.peak_period < 1.02 * self.high_cutoff
-        if self.kind in ("jonswap", "pierson_moskowitz") and not is_inside:
+        peak = 2.0 * math.pi / self.peak_period
+        if self.kind in _PEAKED and not 0.98 * self.low_cutoff < peak < 1.02 * self.high_cutoff:
             raise InflowError(
                 f"SeaState.peak_period must lie between the cut-offs, {2.0 * math.pi / self.high_cutoff:.3g} to "
                 f"{2.0 * math.pi / self.low_cutoff:.3g} s, or most waves are left out; got {self.peak_period:g} s"
@@ -213,7 +214,7 @@ class SeaState(WaveRecord):
         if self.kind == "white":
             inside = (omega >= self.low_cutoff) & (omega <= self.high_cutoff)
             return np.where(inside, self.significant_height**2 / 16.0 / (self.high_cutoff - self.low_cutoff), 0.0)
-        if self.kind not in ("jonswap", "pierson_moskowitz"):
+        if self.kind not in _PEAKED:
             raise InflowError(f"kind must be jonswap, pierson_moskowitz or white for a spectrum, got {self.kind!r}")
         peak = 2.0 * math.pi / self.peak_period
         ratio = omega / peak

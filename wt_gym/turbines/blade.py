@@ -29,8 +29,7 @@ from wt_gym.base.quantities import Array, Integers
 from wt_gym.turbines.airfoil import Airfoil, Polar, RotationalAugmentation, blend_polars
 from wt_gym.turbines.checks import ArrayRecord, check_array, check_span, check_symmetric, fail
 
-_EVEN = 0.02
-"""Difference of both bending stiffnesses, over their mean, below which a section has no axes of its own."""
+_EVEN = 0.02  # Difference of both bending stiffnesses, over their mean, below which a section has no axes of its own
 
 
 @option_record
@@ -405,8 +404,7 @@ class Blade(ArrayRecord):
 LIFT_LOSS, MORE_DRAG = 0.3, 1.0
 """Share of the lift that is lost and of the drag that is added under full ice [-]."""
 _DENSITY = 700.0
-_TIP = (0.7, 0.9)
-"""Shares of the length through whose chords the line to the chord of the tip goes."""
+_TIP = (0.7, 0.9)  # Shares of the length through whose chords the line to the chord of the tip goes
 
 
 @option_record

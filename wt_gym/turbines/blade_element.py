@@ -17,8 +17,7 @@ from wt_gym.turbines import Turbine
 from wt_gym.turbines.airfoil import Polar
 
 _SMALL = 1e-6
-_BISECTIONS = 46
-"""Halvings of a bracket of at most pi/2: the inflow angle is then known to 3e-14 rad."""
+_BISECTIONS = 46  # Halvings of a bracket of at most pi/2: the inflow angle is then known to 3e-14 rad
 
 
 @dataclass(frozen=True)

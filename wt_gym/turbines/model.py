@@ -34,10 +34,10 @@ STRONGEST = 0.2
 """Damping ratio that a converter may add to the torsion of the shaft [-]."""
 
 Notes: TypeAlias = tuple[str, ...]
-_BIG = 1e15
-"""Bound of masses, inertias, stiffnesses: far above any machine, far below overflow."""
+_BIG = 1e15  # Bound of masses, inertias, stiffnesses: far above any machine, far below overflow
 _BIG_GAIN = 1e12
 _LEAST_EFFICIENCY = 0.3  # what is below is a slip of the pen
+_AFLOAT = 0.1  # of the displaced mass; published models have up to 0.034 (ITI Energy's barge)
 
 
 @option_record
@@ -418,6 +418,15 @@ class Turbine(ArrayRecord):
             if abs(getattr(self, name) - geometry) > 0.01 * geometry:
                 allowed = f"{geometry:.2f} m +- 1 %, which blade, hub, nacelle and tower give"
                 raise fail(f"Turbine.{name}", getattr(self, name), allowed)
+        if (floater := self.floater) is not None:
+            turbine, pull = self.tower_top_mass + self.tower.structure.mass_moment(), floater.pull() / floater.gravity
+            carried, displaced = floater.mass + turbine + pull, floater.displaced_mass
+            if abs(carried - displaced) > _AFLOAT * displaced:
+                parts = (
+                    f"platform {floater.mass:g}, rotor, nacelle and tower {turbine:g}, pull of mooring lines {pull:g}"
+                )
+                allowed = f"that of the displaced water, {displaced:g} kg, within {_AFLOAT:.0%}"
+                raise fail(f"Turbine.floater: mass to carry ({parts} kg)", round(carried), allowed)
 
     def with_rotational_augmentation(self, model: str = "du-selig", tip_speed_ratio: float | None = None) -> Turbine:
         """Return this turbine with polars whose stall is delayed by rotation.
@@ -458,6 +467,13 @@ class Turbine(ArrayRecord):
     def with_site(self, **site: Any) -> Turbine:
         """Return this turbine at a site, see `wt_gym.turbines.model.with_site`."""
         return with_site(self, site)
+
+    @property
+    def tower_top_mass(self) -> float:
+        """Mass of rotor and nacelle [kg]."""
+        blade, nacelle = self.blade.structure, self.nacelle
+        rotor = self.n_blades * np.trapezoid(blade.inertia[:, 0, 0], blade.station) + self.hub.mass
+        return float(nacelle.mass + nacelle.yaw_bearing_mass + rotor)
 
     @property
     def n_lines(self) -> int | None:

@@ -23,8 +23,7 @@ CUT_IN, CUT_OUT = 3.0, 25.0
 """Where a model has none [m/s]: OpenFAST models do not say it."""
 
 _BETZ = 16.0 / 27.0
-_NOMINAL = 0.009
-"""Part by which the nominal radius TipRad may exceed that of the coned rotor."""
+_NOMINAL = 0.009  # Part by which the nominal radius TipRad may exceed that of the coned rotor
 _DEGREE = np.pi / 180.0
 _YAW_RATE, _PITCH_RATE = 0.3 * _DEGREE, 8.0 * _DEGREE
 """Of the NREL 5-MW [rad/s], where a model has none."""
@@ -268,8 +267,7 @@ def _pitch(model: Model) -> PitchSystem:
 # ---- what the model has and the turbine does not hold ----------------------------------------------------------------
 
 _GRAVITY = 9.80665
-_SAME_GRAVITY = 0.01
-"""Difference in which models differ by rounding or by their site [m/s^2]."""
+_SAME_GRAVITY = 0.01  # Difference in which models differ by rounding or by their site [m/s^2]
 _LONGEST = 9000.0
 """Times of events [s] and cut-off frequencies [Hz] from which on they stand for never (9999.9 in most models)."""
 

@@ -28,17 +28,12 @@ STRUCTURES = ("elastodyn", "beamdyn")
 """Modules with the structure of the blade, as CompElast (1, 2) counts them."""
 _SAME_LENGTH = 0.01
 """Part of the length by which AeroDyn's and BeamDyn's blades may differ from ElastoDyn's; they are stretched to it."""
-_STRAIGHT = 1e-4
-"""Prebend that is rounding of BlCrvAC and BlSwpAC, in blade lengths."""
-_SWITCH = 1e-4
-"""Length of the change from one airfoil to the next where they are not blended, in blade lengths."""
-_FULL_SET = 0.75
-"""Airfoils a node from which on they are those of the nodes, between which sections are blended."""
+_STRAIGHT = 1e-4  # Prebend that is rounding of BlCrvAC and BlSwpAC, in blade lengths
+_SWITCH = 1e-4  # Length of the change from one airfoil to the next where they are not blended, in blade lengths
+_FULL_SET = 0.75  # Airfoils a node from which on they are those of the nodes, between which sections are blended
 _QUARTER_CHORD = 0.25
-_THICKNESS_GUESS = 0.18
-"""Relative thickness of a lifting section whose coordinates and thickness are unknown."""
-_THICK = 0.5
-"""Relative thickness from which on a section is rather a cylinder, with its reference point in the middle."""
+_THICKNESS_GUESS = 0.18  # Relative thickness of a lifting section whose coordinates and thickness are unknown
+_THICK = 0.5  # Relative thickness from which on a section is rather a cylinder, with its reference point in the middle
 _REFERENCES = (0.1, 0.6)
 """Reference points [chords] of lifting sections and cylinders; files made by interpolation may have others."""
 _ROTATING = re.compile(r"rotational\s+(stall\s+delay|augmentation)|stall\s+delay|3-?d\s+correct", re.IGNORECASE)

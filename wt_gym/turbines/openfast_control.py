@@ -314,8 +314,7 @@ _COLUMNS = {
 }
 """Names of the columns, and factors of their units to SI units; the first two are needed."""
 _ENDINGS = (".csv", ".dat", ".txt")
-_TOLERANCE = 0.05
-"""Largest deviation of the largest power of a table from rated power, over rated power [-]."""
+_TOLERANCE = 0.05  # Largest deviation of the largest power of a table from rated power, over rated power [-]
 
 
 @dataclass(frozen=True)

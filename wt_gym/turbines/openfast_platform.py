@@ -8,22 +8,24 @@ for rotations (WAMIT User Manual, chapter 3).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from wt_gym.base.errors import TurbineDefinitionError
+from wt_gym.base.files import decoded_text
 from wt_gym.base.quantities import GRAVITY, Array
 from wt_gym.hydrodynamics import DragMember, ExcitationTable, HeavePlate, MooringLine, Platform, RadiationTable
 from wt_gym.turbines.openfast_text import Model, TextFile, as_number, existing_file
 
 MOTIONS = ("PtfmSgDOF", "PtfmSwDOF", "PtfmHvDOF", "PtfmRDOF", "PtfmPDOF", "PtfmYDOF")
 """Keywords of ElastoDyn that free the platform."""
-_PIECE = 3.0
-"""Longest piece of a member whose section changes along it [m]."""
+_PIECE = 3.0  # Longest piece of a member whose section changes along it [m]
 _SAME = 1e-6
 _ROTATES = np.array([0, 0, 0, 1, 1, 1])
+_LEAST_ADDED = 0.01  # Added mass in surge over displaced mass, at most its inverse; published models have 0.12 to 0.94
 
 # keyword of HydroDyn, values that are modeled, their description
 _REQUIRED: tuple[tuple[str, tuple[int, ...], str], ...] = (
@@ -101,7 +103,7 @@ def read_openfast_platform(model: Model) -> Platform | None:
     model.note("the waves of the model are left aside, simulations take a sea of their own")
     lines: tuple[MooringLine, ...] = ()
     if primary.integer("CompMooring", 0):
-        lines = read_mooring(existing_file(primary.path.parent, primary.text("MooringFile"), "MooringFile"), depth)
+        lines = read_mooring(primary.file("MooringFile").path, depth, model.notes)
         model.note("mooring lines are quasi-static here, without inertia and drag of their own or mass of their ends")
     elif np.trace(stiffness[:2, :2]) <= 0.0:
         raise primary.fail("CompMooring", 0, "1 or 3 for a platform that AddCLin does not hold")
@@ -117,12 +119,12 @@ def read_openfast_platform(model: Model) -> Platform | None:
 def _water(model: Model, hydrodyn: TextFile, key: str, default: float | None = None) -> float:
     """Return a property of the water, which releases have in different files."""
     seastate = [model.primary.file("SeaStFile")] if model.primary.integer("CompSeaSt", 0) == 1 else []
-    for file in (*seastate, hydrodyn, model.primary):
-        if not file.is_default(key):
-            return file.number(key)
-    if default is None:
+    values = [file.number(key) for file in (*seastate, hydrodyn, model.primary) if not file.is_default(key)]
+    if not values and default is None:
         raise model.primary.missing(key)
-    return default
+    if min(values, default=0.0) != max(values, default=0.0):
+        model.note(f"{key} differs between the files of the model; {values[0]:g} is taken, {values[1:]} left aside")
+    return values[0] if values else float(default or 0.0)
 
 
 def _buoyancy(file: TextFile, weight: float) -> tuple[float, Array]:
@@ -195,8 +197,7 @@ class _Member(NamedTuple):
 
     name: str
     joints: tuple[str, str]
-    ends: Array
-    """Shape (2, 3) [m]."""
+    ends: Array  #: Shape (2, 3) [m].
     diameter: Array
     wall: Array
     drag_coefficient: Array
@@ -318,23 +319,32 @@ def _plates(file: TextFile, members: list[_Member]) -> tuple[HeavePlate, ...]:
 def _tables(file: TextFile, density: float, gravity: float) -> tuple[RadiationTable, ExcitationTable, Array]:
     """Read radiation, excitation and hydrostatics."""
     root, length = file.text("PotFile"), file.number("WAMITULEN", 1.0)
+    if length <= 0.0:
+        raise file.fail("WAMITULEN", length, "above 0 m")
     folder, label = file.path.parent, f"{file.path.name}: PotFile"
     paths = [existing_file(folder, f"{root}{end}", label) for end in (".1", ".3", ".hst")]
     matrix = length ** (3.0 + _ROTATES[:, None] + _ROTATES)
-    hydrostatic = np.zeros((6, 6))
-    for *place, value in _rows(paths[2], 3):
-        hydrostatic[_index(paths[2], place)] = value
+    hydrostatic = np.full((6, 6), np.nan)
+    for i, j, value, *_ in _rows(paths[2], 3):
+        hydrostatic[_index(paths[2], [i, j])] = value
+    if np.isnan(hydrostatic).any():
+        raise TurbineDefinitionError(f"{paths[2].name}: must have 36 rows: motion, motion, stiffness")
     hydrostatic *= density * gravity * matrix / length
     if abs(hydrostatic[2:5, 2:5] - hydrostatic[2:5, 2:5].T).max() <= _SAME * abs(hydrostatic).max():
         hydrostatic[2:5, 2:5] = 0.5 * (hydrostatic[2:5, 2:5] + hydrostatic[2:5, 2:5].T)
-    excitation = _excitation(paths[1], density * gravity * length ** (2.0 + _ROTATES))
-    return _radiation(paths[0], density * matrix), excitation, hydrostatic
+    radiation, displaced = _radiation(paths[0], density * matrix), density * file.number("PtfmVol0")
+    if not _LEAST_ADDED * displaced < (added := radiation.added_mass_infinite[0, 0]) < displaced / _LEAST_ADDED:
+        allowed = (
+            f"the length of the tables: the added mass in surge is {added:g} kg, the displaced one {displaced:g} kg"
+        )
+        raise file.fail("WAMITULEN", length, allowed)
+    return radiation, _excitation(paths[1], density * gravity * length ** (2.0 + _ROTATES)), hydrostatic
 
 
 def _rows(path: Path, least: int) -> list[list[float]]:
     """Return the rows of numbers of a table, of which some have no further columns."""
     rows = []
-    for k, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines()):
+    for k, line in enumerate(decoded_text(path.read_bytes()).splitlines()):
         numbers = [as_number(word) for word in line.split()]
         row = [number for number in numbers if number is not None]
         if not numbers or (k == 0 and None in numbers):
@@ -369,7 +379,17 @@ def _radiation(path: Path, scale: Array) -> RadiationTable:
         raise TurbineDefinitionError(f"{path.name}: must have the added mass of infinite frequency, period 0")
     omega = np.array(sorted(frequency for frequency in added if frequency < np.inf))
     b = np.array([damping[w] * w for w in omega]) * scale
-    return RadiationTable(omega, np.array([added[w] for w in omega]) * scale, b, added[np.inf] * scale)
+    with _named(path):
+        return RadiationTable(omega, np.array([added[w] for w in omega]) * scale, b, added[np.inf] * scale)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Let an error begin with the name of the file."""
+    try:
+        yield
+    except TurbineDefinitionError as error:
+        raise TurbineDefinitionError(f"{path.name}: {error}") from error
 
 
 def _excitation(path: Path, scale: Array) -> ExcitationTable:
@@ -377,6 +397,12 @@ def _excitation(path: Path, scale: Array) -> ExcitationTable:
     rows = np.array([row[:7] for row in _rows(path, 7)])
     rows = rows[rows[:, 0] > 0.0]
     periods, headings = np.unique(rows[:, 0])[::-1], np.unique(rows[:, 1])
+    if 0.0 < np.ptp(headings) < 6.3 and np.any(abs(headings - np.round(headings, 1)) > 1e-6):
+        ends = f"{headings[0]:g} to {headings[-1]:g}"
+        raise TurbineDefinitionError(f"{path.name}: headings must be in degrees, got {ends}")
+    modulus, size = rows[:, 3], np.hypot(rows[:, 5], rows[:, 6])
+    if modulus.any() and np.any(abs(modulus - size) > 1e-3 * size.max()):
+        raise TurbineDefinitionError(f"{path.name}: columns must be period, heading, motion, modulus, phase, Re and Im")
     force = np.full((len(periods), len(headings), 6, 2), np.nan)
     for period, heading, motion, *_, real, imaginary in rows:
         (k,) = _index(path, [motion])
@@ -391,15 +417,16 @@ def _excitation(path: Path, scale: Array) -> ExcitationTable:
 
 _SECTIONS = (
     ("ROD TYPE", ""), ("ROD", "rods"), ("BOD", "bodies"), ("TYPE", "types"), ("DICTIONARY", "types"),
-    ("OPTION", "options"),
+    ("OPTION", "options"), ("EXTERNAL", "loads"),
     ("OUTPUT", "outputs"), ("FAIL", "failures"), ("CONTROL", "controls"), ("POINT", "points"), ("CONNECTION", "points"),
     ("NODE", "points"), ("LINE", "lines"),
 )  # fmt: skip
 """Words of the rules above sections, the first that occurs decides."""
+_COLUMNS = {"types": "diam", "points": "x", "lines": "unstrlen"}  # by which the line of their names is known
 _FIXED, _MOVING = ("fixed", "fix", "anchor", "anch"), ("vessel", "ves", "coupled", "cpld", "fairlead", "fair")
 
 
-def read_mooring(path: Path, depth: float) -> tuple[MooringLine, ...]:
+def read_mooring(path: Path, depth: float, notes: list[str]) -> tuple[MooringLine, ...]:
     """Read the mooring lines of an input file of MoorDyn or MAP++.
 
     Parameters
@@ -407,6 +434,8 @@ def read_mooring(path: Path, depth: float) -> tuple[MooringLine, ...]:
     path : Path
     depth : float
         Of the water [m].
+    notes : list of str
+        Gets a sentence for what is left aside.
 
     Raises
     ------
@@ -415,22 +444,24 @@ def read_mooring(path: Path, depth: float) -> tuple[MooringLine, ...]:
     """
     file = TextFile(path)
     sections = _sections(file)
-    for name in ("rods", "bodies", "failures", "controls"):
+    for name in ("rods", "bodies", "failures", "controls", "loads"):
         if rows := sections.get(name):
             raise file.fail(name, " ".join(rows[0].values()), "absent: lines run from anchors to the platform")
     types = {_first(row, "name", "linetype", "typename"): row for row in sections.get("types", [])}
     points = {_first(row, "id", "node"): row for row in sections.get("points", [])}
-    friction, copies, middle = None, [0.0], np.zeros(2)
-    for words in (list(row.values()) for row in sections.get("options", [])):
-        key = words[1].lower() if words[1:] else ""
-        if words[0].lower() == "repeat":
-            copies += [np.radians(file.value("repeat", word)) for word in words[1:]]
-        elif words[0].lower() == "ref_position":
-            middle = np.array([file.value("ref_position", word) for word in words[1:3]])
-        elif key in ("frictioncoefficient", "mu_kt"):
-            friction = file.value(words[1], words[0])
-        elif key == "wtrdpth" and abs(file.value("WtrDpth", words[0]) - depth) > _SAME * depth:
-            raise file.fail("WtrDpth", words[0], f"that of the model, {depth:g} m")
+    for name, table in (("types", types), ("points", points)):
+        if len(table) != len(sections[name]):
+            raise file.fail(name, [*table], f"{len(sections[name])} different names")
+    options: dict[str, list[str]] = {}
+    for first, *rest in (list(row.values()) for row in sections.get("options", [])):
+        options.setdefault(first.lower(), []).extend(rest)  # MAP++: keyword, values
+        options.setdefault("".join(rest[:1]).lower(), []).append(first)  # MoorDyn: value, keyword
+    copies = [0.0, *(np.radians(file.value("repeat", word)) for word in options.get("repeat", []))]
+    middle = np.array([file.value("ref_position", word) for word in options.get("ref_position", ["0", "0"])[:2]])
+    for word in options.get("wtrdpth", []):
+        if abs(file.value("WtrDpth", word) - depth) > _SAME * depth:
+            raise file.fail("WtrDpth", word, f"that of the model, {depth:g} m")
+    along = [options[key][-1] for key in ("mu_ka", "mu_kt", "frictioncoefficient") if key in options]
     lines = []
     for angle in copies:
         cos, sin = np.cos(angle), np.sin(angle)
@@ -442,13 +473,20 @@ def read_mooring(path: Path, depth: float) -> tuple[MooringLine, ...]:
             kind = types.get(_first(row, "linetype"))
             if kind is None:
                 raise file.fail("LineType", _first(row, "linetype"), f"one of {', '.join(types)}")
-            values = {"UnstrLen": _first(row, "unstrlen"), "MassDen": _first(kind, "massden", "massdeninair"),
-                      "Diam": _first(kind, "diam"), "EA": _first(kind, "ea")}  # fmt: skip
-            rubs = friction if friction is not None else file.value("CB", kind.get("cb", "0"))
-            length, mass, diameter, stiffness = (file.value(key, word) for key, word in values.items())
-            lines.append(MooringLine(*ends, length, mass, diameter, stiffness, rubs))
-    if not lines:
-        raise file.fail("lines", 0, "at least one mooring line")
+            numbers = [
+                file.value(key, _first(table, *names)) for key, table, *names in (
+                    ("UnstrLen", row, "unstrlen"), ("MassDen", kind, "massden", "massdeninair"), ("Diam", kind, "diam"),
+                    ("EA", kind, "ea"), ("CB", {"cb": next(iter(along), kind.get("cb", "0"))}, "cb"),
+                )
+            ]  # fmt: skip
+            with _named(path):
+                lines.append(MooringLine(*ends, *numbers))
+            if angle == 0.0 and not lines[-1].rests(depth):
+                name, z = next(iter(row.values())), lines[-1].anchor[2]
+                notes.append(f"{path.name}: line {name} hangs free, its anchor is at {z:g} m, above the seabed")
+    for name, kind in types.items():
+        if file.value("EI", kind.get("ei", "0")) != 0.0:
+            notes.append(f"{path.name}: left aside: EI {kind['ei']} of {name}; lines do not resist bending")
     return tuple(lines)
 
 
@@ -460,8 +498,8 @@ def _ends(file: TextFile, row: dict[str, str], points: dict[str, dict[str, str]]
         kind = _first(point, "type", "attachment", "attach", "att").lower()
         if kind not in (*_FIXED, *_MOVING):
             raise file.fail(f"end {name} of {line}", kind, "a point that is Fixed or Vessel")
-        words = [point[axis] for axis in "xyz"]
-        place = [-depth if word.lower() == "depth" else file.value("Z", word) for word in words]
+        words = {f"{axis} of point {name}": point.get(axis, "") for axis in "xyz"}
+        place = [-depth if word.lower() == "depth" else file.value(key, word) for key, word in words.items()]
         places[kind in _MOVING] = np.array(place)
     if len(places) < 2:
         raise file.fail(line, " ".join(row.values()), "a line from a Fixed to a Vessel point")
@@ -478,6 +516,7 @@ def _first(row: dict[str, str], *names: str) -> str:
 def _sections(file: TextFile) -> dict[str, list[dict[str, str]]]:
     """Return the rows of each section by the names of columns; further words have their number as a name."""
     sections: dict[str, list[dict[str, str]]] = {}
+    counts: dict[str, int] = {}
     name, header = "", list[str]()
     for line in file.lines:
         if line.lstrip().startswith("--"):
@@ -485,12 +524,19 @@ def _sections(file: TextFile) -> dict[str, list[dict[str, str]]]:
             header = []
             continue
         words = line.partition("#")[0].partition("!")[0].split()
-        if not words or not name or words[0].startswith("("):
+        if not words or not name or words[0][0] in "([" or words[0] == "-":
             continue
         if not header and name != "options":
-            if as_number(words[0]) is None:  # a line with the number of rows may stand above
-                header = [word.lower() for word in words]
+            if as_number(words[0]) is not None:  # the number of rows may stand above
+                counts[name] = int(file.value(name, words[0]))
+            elif _COLUMNS.get(name, words[0].lower()) in (names := [word.lower() for word in words]):
+                header = names
             continue
         row = {(header[k] if k < len(header) else str(k)): word for k, word in enumerate(words)}
         sections.setdefault(name, []).append(row)
+    for name, column in _COLUMNS.items():
+        if name not in sections:
+            raise file.fail(name, "no row", f"rows below the names of their columns, {column} among them")
+        if counts.get(name, len(sections[name])) != len(sections[name]):
+            raise file.fail(name, len(sections[name]), f"as many rows as announced, {counts[name]}")
     return sections

@@ -31,15 +31,12 @@ _LOGICAL = re.compile(r"\.?(t|f|true|false)\.?", re.IGNORECASE)
 _NO_VALUE = re.compile(r"\s*,|.*,\s*,")
 _INCLUDED = re.compile(r"@\s*(?:(\d+)(?:-(\d+))?\s+in\s+)?(?:\"([^\"]*)\"|'([^']*)'|(\S+))", re.IGNORECASE)
 _MOST_BYTES = 20_000_000
-_MOST_LEVELS = 10
-"""Files that include each other."""
+_MOST_LEVELS = 10  # Files that include each other
 _MOST_REPEATS = 1000
 _DEFAULT = re.compile(r"[\"']?default[\"']?", re.IGNORECASE)
-_KEYWORD = re.compile(r".{26}  (\S+) +-")
-"""Line of a template: value and keyword."""
+_KEYWORD = re.compile(r".{26}  (\S+) +-")  # Line of a template: value and keyword
 _QUOTED = re.compile(r'"([^"]+)"')
-_BLADED = 5
-"""Value of PCMode and VSContrl: a library as Bladed takes it."""
+_BLADED = 5  # Value of PCMode and VSContrl: a library as Bladed takes it
 
 
 def existing_file(folder: Path, name: str, what: str) -> Path:
@@ -181,7 +178,10 @@ class TextFile:
         """Return the finite number of a keyword; ``default`` where no line has it."""
         if default is not None and key not in self:
             return default
-        return self.value(key, self._place(key)[1][0])
+        words = self._place(key)[1]
+        if len(words) > 1 and as_number(words[1]) is not None:
+            raise self.fail(key, " ".join(words), "one number, with a decimal point")  # a comma separates two
+        return self.value(key, words[0])
 
     def integer(self, key: str, default: int | None = None) -> int:
         """Return the whole number of a keyword; ``default`` where no line has it."""

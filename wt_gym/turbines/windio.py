@@ -72,8 +72,7 @@ _FILE_KEYS = {
     "turbulence_class": "turbulence_class",
 }
 """Keys of the ``assembly`` section behind the fields of a turbine."""
-_DEFAULT_TOWER_DAMPING = 0.01
-"""Modal damping of the NREL 5-MW and IEA 15-MW towers."""
+_DEFAULT_TOWER_DAMPING = 0.01  # Modal damping of the NREL 5-MW and IEA 15-MW towers
 POISSON_RATIO = 0.3
 """Of steel; only used where a table leaves out the torsional stiffness."""
 

@@ -412,8 +412,7 @@ _UNCHECKED = (
 )
 """Parts whose values are not held against the schema: nothing is built from them, or their reader checks them."""
 
-_ALIKE = 0.8
-"""Likeness of two keys, from 0 to 1, from which one is taken for a typing error of the other."""
+_ALIKE = 0.8  # Likeness of two keys, from 0 to 1, from which one is taken for a typing error of the other
 
 
 @dataclass

@@ -34,8 +34,7 @@ _TORQUE_MARGIN = 1.1
 _RULE = "estimated by the NREL cost and scaling model of 2015"
 _MISSING_LENGTH = {"distance_hub_mb": 1.912, "distance_mb_mb": 0.368}
 """Lengths of the two parts of a low-speed shaft where a file has none [m]; the defaults of windIO's schema."""
-_DEFAULT_TORSION_DAMPING = 0.005
-"""Fraction of critical, the default of DrivetrainSE."""
+_DEFAULT_TORSION_DAMPING = 0.005  # Fraction of critical, the default of DrivetrainSE
 _STEEL_SHEAR_MODULUS = 79.3e9
 
 
@@ -369,8 +368,7 @@ def read_pitch(root: Node) -> PitchSystem:
 
 # ---- estimates -------------------------------------------------------------------------------------------------------
 
-_SHELL = 2.0 / 3.0
-"""Inertia of a thin spherical shell about a diameter over mass times radius squared."""
+_SHELL = 2.0 / 3.0  # Inertia of a thin spherical shell about a diameter over mass times radius squared
 
 GENERATOR_TIME_CONSTANT = 0.75
 """Kinetic energy of a geared generator at rated speed over rated power [s]."""

@@ -24,10 +24,8 @@ from wt_gym.turbines.windio_machine import rpm
 
 _DEGREE = np.pi / 180.0
 _VERSION = "2.1"
-_ROUNDING = 1e-9
-"""Relative difference that angles in degrees and speeds in rpm leave."""
-_NO_MU = [0.0] * 6
-"""windIO's mu, which the schema requires; the ratio beside it is what is read."""
+_ROUNDING = 1e-9  # Relative difference that angles in degrees and speeds in rpm leave
+_NO_MU = [0.0] * 6  # windIO's mu, which the schema requires; the ratio beside it is what is read
 
 
 def write_windio(turbine: Turbine, path: str | Path, source: str = "") -> list[Path]:
@@ -79,7 +77,10 @@ def windio_content(turbine: Turbine) -> dict[str, Any]:
     if turbine.tower.support is not None:
         raise fail("Turbine.tower.support", "a monopile", "None (windIO files take it from their own walls)")
     if turbine.floater is not None:
-        raise fail("Turbine.floater", "a platform", "None: windIO has no added mass, radiation damping and wave forces")
+        without = (
+            "windIO has no added mass, radiation damping and wave forces; --turbine takes an OpenFAST model itself"
+        )
+        raise fail("Turbine.floater", "a platform", f"None: {without}")
     if turbine.drivetrain.generator_damping or not turbine.drivetrain.takes_torque:
         raise fail("Turbine.drivetrain.generator_damping", turbine.drivetrain.generator_damping, "0")
     if turbine.hub.cone < 0.0 or turbine.nacelle.tilt < 0.0:

@@ -37,8 +37,7 @@ from wt_gym.wind import Inflow
 if TYPE_CHECKING:
     import xarray as xr
 
-_LAST_WORDS = 600
-"""Characters of the driver's output that a message shows."""
+_LAST_WORDS = 600  # Characters of the driver's output that a message shows
 _NORMAL_END = "terminated normally"
 
 

@@ -34,15 +34,13 @@ PRIMARY = "turbine.fst"
 
 _RPM = math.pi / 30.0
 _AERO_NODES = 36
-_LONGEST_STEP = 0.0125
-"""Of the NREL 5-MW, at 4.95 s a turn [s]."""
+_LONGEST_STEP = 0.0125  # Of the NREL 5-MW, at 4.95 s a turn [s]
 _STEPS_A_TURN = 396
 _MOST_ADVANCE = 0.8
 """Of the phase of the fastest swing in a step [rad]: ElastoDyn's predictor-corrector is unstable at twice that."""
 _STIFFEST_SHAFT = 8.0
 """Torsional frequency of a drivetrain above which it is rigid [Hz], as in `wt_gym.simulation.Fidelity`."""
-_POLAR_ROWS = 200
-"""AeroDyn's tables may be longer; beyond it they are thinned where they are straight."""
+_POLAR_ROWS = 200  # AeroDyn's tables may be longer; beyond it they are thinned where they are straight
 _NO_FILE = "unused"
 
 
@@ -433,12 +431,9 @@ _POINTS = 2000
 class TopBody(NamedTuple):
     """Rigid body on the free end of a beam."""
 
-    mass: float
-    """[kg]."""
-    height: float
-    """Of its center of mass above the end of the beam [m]."""
-    inertia: float
-    """About the axis of bending through the center of mass [kg m²]."""
+    mass: float  #: [kg].
+    height: float  #: Of its center of mass above the end of the beam [m].
+    inertia: float  #: About the axis of bending through the center of mass [kg m²].
 
 
 def bending_shapes(

@@ -23,8 +23,7 @@ from wt_gym.base.user_cache import user_cache
 from wt_gym.bridges.compiler import CompilerError, compile_library, library_name
 from wt_gym.bridges.openfast import worker
 
-_LAST_WORDS = 600
-"""Characters of OpenFAST's output that a message shows."""
+_LAST_WORDS = 600  # Characters of OpenFAST's output that a message shows
 
 
 class OpenFASTProcess:

@@ -30,15 +30,12 @@ from wt_gym.wind.inflow import start_speed
 
 MODULES = {"ElastoDyn": "EDFile", "AeroDyn": "AeroFile", "ServoDyn": "ServoFile"}
 """Modules whose inputs can be changed, and the keywords of their files in the primary file (``"OpenFAST"``)."""
-_STEPS = {"ElastoDyn": "DT", "AeroDyn": "DTAero", "ServoDyn": "DT"}
-"""Keywords of the steps of modules."""
+_STEPS = {"ElastoDyn": "DT", "AeroDyn": "DTAero", "ServoDyn": "DT"}  # Keywords of the steps of modules
 _FOREVER = 1e6
 _REPLACED = "replaced"
-_STATUS = 10.0
-"""Time between lines in which the driver says how far it is [s]."""
+_STATUS = 10.0  # Time between lines in which the driver says how far it is [s]
 _RPM = math.pi / 30.0
-_SAME = 0.01
-"""Share by which numbers of a turbine and of its model may differ."""
+_SAME = 0.01  # Share by which numbers of a turbine and of its model may differ
 
 
 @dataclass(frozen=True)
@@ -236,8 +233,7 @@ def _set_servodyn(file: InputFile, start: RunStart, controller: ServedController
         })  # fmt: skip
 
 
-_LEAST_SPEED = 1e-4
-"""ElastoDyn needs a rotor that turns, if only just [rad/s]."""
+_LEAST_SPEED = 1e-4  # ElastoDyn needs a rotor that turns, if only just [rad/s]
 
 
 @dataclass(frozen=True)
@@ -358,8 +354,7 @@ class BentTurbine:
 FOLDER = "model"
 """Folder of the copies."""
 _NAMED = re.compile(r'"([^"\n]{1,250})"|@([^\s"]{1,250})')
-_MOST_BYTES = 20_000_000
-"""Larger files are data, which name nothing."""
+_MOST_BYTES = 20_000_000  # Larger files are data, which name nothing
 
 
 def copy_named_files(files: Sequence[InputFile], folder: Path) -> None:

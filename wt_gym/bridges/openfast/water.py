@@ -25,17 +25,13 @@ FILES = {"SeaStFile": "seastate.dat", "HydroFile": "hydrodyn.dat", "MooringFile"
 WAVE_OUTPUT, TENSION_OUTPUTS = "Wave1Elev", ("FairTen", "AnchTen")
 """Outputs of SeaState and, without the number of the line, of MoorDyn."""
 _ROOT, _WAVES = "platform", "waves.dat"
-_ELEMENT = 6.0
-"""Longest element of a member [m]: HydroDyn's time grows with their number."""
-_STUB = 0.06
-"""Length of the member behind a heave plate [m]."""
-_MEMORY = 60.0
-"""Time over which HydroDyn convolves the radiation [s]."""
+_ELEMENT = 6.0  # Longest element of a member [m]: HydroDyn's time grows with their number
+_STUB = 0.06  # Length of the member behind a heave plate [m]
+_MEMORY = 60.0  # Time over which HydroDyn convolves the radiation [s]
 _WAVE_STEP = 0.2
 _SEGMENTS = 20
 _NEGLIGIBLE = 1e-6
-_PER_TURN = 37
-"""Headings of a table around the platform."""
+_PER_TURN = 37  # Headings of a table around the platform
 
 
 def write_water(platform: Platform, folder: Path) -> None:

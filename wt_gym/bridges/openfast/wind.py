@@ -24,16 +24,13 @@ from wt_gym.turbines import Turbine
 from wt_gym.wind import Inflow, MirroredInflow, SteadyInflow, TurbulentInflow
 from wt_gym.wind.files import BtsContent
 
-_WIDTH = 1.3
-"""Of the grid for an inflow that has none [rotor diameters]: the rotor with its deflection, and some air."""
+_WIDTH = 1.3  # Of the grid for an inflow that has none [rotor diameters]: the rotor with its deflection, and some air
 _POINTS = 15
 _STEP = 0.1
 _STEADY_LENGTH = 10.0
-_LEAD = 30.0
-"""Record before time zero [s]: what is downwind of the origin was there before."""
+_LEAD = 30.0  # Record before time zero [s]: what is downwind of the origin was there before
 _ALIGNED, _FINER = 1e-6, 8
-_LEAST_HEIGHT = 0.5
-"""Of the lowest points, down the tower [m]."""
+_LEAST_HEIGHT = 0.5  # Of the lowest points, down the tower [m]
 
 
 def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float, yaw: float = 0.0) -> Path:
@@ -178,8 +175,7 @@ def _grid(
 
 MOST_POINTS = 5
 """Single points that InflowWind reads."""
-_DIGITS = 9
-"""Of places in m: a cosine of a quarter turn is 0."""
+_DIGITS = 9  # Of places in m: a cosine of a quarter turn is 0
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,8 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-_TEXT = 1025
-"""Length of OpenFAST's messages (IntfStrLen)."""
-_NAME = 20
-"""Length of the name of a channel (ChanLen)."""
+_TEXT = 1025  # Length of OpenFAST's messages (IntfStrLen)
+_NAME = 20  # Length of the name of a channel (ChanLen)
 _MOST_CHANNELS = 4000
 _FATAL = 4
 _INPUTS = 51
