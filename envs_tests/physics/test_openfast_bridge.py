@@ -142,12 +142,12 @@ class TestSigns:
 
 class TestWind:
     def test_it_is_the_same_wind(self, turbine):
-        """Turbulence at the hub, sample by sample, begun in the middle of its box and through the end of it."""
+        """Turbulence at the hub that moves, sample by sample, begun in the middle of its box and through its end."""
         box = TurbulenceBox.kaimal(12.0, 90.0, 126.0, "B", seed=3, duration=30.0, cache=False)
         wind = TurbulentInflow(box, SteadyInflow(12.0, 90.0, shear_exponent=0.2), time_offset=25.0)
         rows = run(simulator(turbine, wind), 8.0, pitch=0.06, torque=40e3, rotor_speed=1.267)
-        apex = [-turbine.nacelle.overhang * math.cos(turbine.nacelle.tilt), 0.0, turbine.hub_height]
-        wanted = [wind.velocity(apex, row["time"]) for row in rows]
+        x, z = -turbine.nacelle.overhang * math.cos(turbine.nacelle.tilt), turbine.hub_height
+        wanted = [wind.velocity([x + row["tower_top_x"], row["tower_top_y"], z], row["time"]) for row in rows]
         found = [[row["wind_x"], row["wind_y"], row["wind_z"]] for row in rows]
         np.testing.assert_allclose(found, wanted, atol=0.01)
 
