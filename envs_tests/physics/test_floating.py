@@ -156,9 +156,13 @@ def test_a_snapshot_continues_in_its_waves():
         signals.append([simulator.advance(0.2, pitch=0.06, generator_torque=41e3).values for _ in range(5)])
         simulator.restore(state)
     np.testing.assert_array_equal(*signals)
+    simulator.sea = None  # from the next start on: a copy before meets the waves, too
     other = copy.deepcopy(simulator)
+    assert other.state() == state
     again = [other.advance(0.2, pitch=0.06, generator_torque=41e3).values for _ in range(5)]
     np.testing.assert_array_equal(again, signals[0])
+    with pytest.raises(SimulationError, match="another turbine, fidelity or sea"):
+        other.restore(state)  # in still water
 
 
 def test_a_mirrored_world():

@@ -87,7 +87,7 @@ def test_snapshot_of_another_turbine_or_fidelity_is_refused(running):
         {"turbine": replace(running.turbine, air_density=0.9)},
     ):
         other = Simulator(**{"turbine": "nrel_5mw", "inflow": running.inflow} | change)
-        with pytest.raises(SimulationError, match="another turbine or fidelity"):
+        with pytest.raises(SimulationError, match="another turbine, fidelity or sea"):
             other.restore(state)
 
 

@@ -116,7 +116,7 @@ def write_all_readings(swap, signals, turbine):
 def as_read(swap, turbine):
     """Signals by name as records hold them."""
     swap = swap.astype(np.float64)
-    yaw = swap[36]
+    yaw = swap[36] - swap[1005]  # record 37 has the yaw of the platform in it
     cos, sin = math.cos(yaw), math.sin(yaw)
     read = {
         "generator_speed": swap[19], "rotor_speed": swap[20], "generator_power": swap[14], "generator_torque": swap[22],

@@ -288,7 +288,7 @@ class TestSignals:
     def test_fore_aft_is_along_the_nacelle(self, turbine):
         """A nacelle that heads to the left: a push to the left is fore-aft, bends the tower about −x in ground axes."""
         signals = measured(
-            turbine, outputs(YawPzn=90.0, TTDspSS=0.3, TwrBsMxt=-7.0, YawBrTAyp=0.2, Wind1VelX=3.0, Wind1VelY=4.0)
+            turbine, outputs(YawPzn=90.0, TTDspSS=0.3, TwrBsMxt=-7.0, YawBrTAyp=0.2, WindHubVelX=3.0, WindHubVelY=4.0)
         )
         assert signals["tower_top_fore_aft"] == pytest.approx(0.3)
         assert signals["tower_top_side_side"] == pytest.approx(0.0, abs=1e-12)

@@ -112,7 +112,7 @@ def test_refusals():
 
 
 def test_records_of_a_platform():
-    """OpenFAST's: 1001 to 1018 the motion, 83 the angular acceleration across the nacelle."""
+    """OpenFAST's: 37 the heading, 1001 to 1018 the motion, 83 the angular acceleration across the nacelle."""
     names = channels_read(3, floats=True)
     assert set(names) > set(channels_read(3))
     signals = dict.fromkeys(names, 0.0) | {
@@ -121,7 +121,7 @@ def test_records_of_a_platform():
     }  # fmt: skip
     swap = new_swap()
     write_platform(swap, signals)
-    assert swap[[1000, 1005, 1008, 1015, 1016, 1017]] == pytest.approx([3.0, 0.1, 0.2, 0.4, 0.7, 0.5])
+    assert swap[[36, 1000, 1005, 1008, 1015, 1016, 1017]] == pytest.approx([1.670796, 3.0, 0.1, 0.2, 0.4, 0.7, 0.5])
     assert swap[81:84] == pytest.approx([0.7, -0.4, 0.5])  # a nacelle that heads along y
 
 

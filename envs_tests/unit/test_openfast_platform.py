@@ -312,7 +312,7 @@ def test_platform_signals(oc4):
     names = [*elastodyn_outputs(3, True), *AERODYN_OUTPUTS, *INFLOW_OUTPUTS, *(n.upper() for n in water_outputs(3))]
     row = np.zeros(len(names))
     values = {"PtfmSurge": 7.0, "PtfmPitch": 3.0, "PtfmRVzi": 90.0, "PtfmTAyi": 0.2, "PtfmYaw": 5.0, "YawPzn": 10.0,
-              "WAVE1ELEV": 1.5, "FAIRTEN2": 1e6, "ANCHTEN3": 9e5, "Wind1VelX": 8.0}  # fmt: skip
+              "WAVE1ELEV": 1.5, "FAIRTEN2": 1e6, "ANCHTEN3": 9e5, "WindHubVelX": 8.0}  # fmt: skip
     for name, value in values.items():
         row[names.index(name)] = value
     measurement, still = Measurement(oc4, names), np.zeros(3)

@@ -252,7 +252,7 @@ class SimulatorState:
 
     arrays: dict[str, NDArray[Any]]  #: Own copies
     n_steps: int  #: Aerodynamic steps since the start
-    model: str  #: Fingerprint of the simulator's turbine and fidelity
+    model: str  #: Fingerprint of the simulator's turbine, fidelity and sea
 
     @classmethod
     def take(cls, arrays: Mapping[str, NDArray[Any]], n_steps: int, model: str) -> SimulatorState:
@@ -265,11 +265,11 @@ class SimulatorState:
         Raises
         ------
         SimulationError
-            When turbine or fidelity differ.
+            When turbine, fidelity or sea differ.
         """
         same = set(arrays) == set(self.arrays) and all(arrays[k].shape == a.shape for k, a in self.arrays.items())
         if self.model != model or not same:
-            raise SimulationError("the snapshot belongs to a simulator with another turbine or fidelity")
+            raise SimulationError("the snapshot belongs to a simulator with another turbine, fidelity or sea")
         for key, array in arrays.items():
             array[...] = self.arrays[key]
 

@@ -43,6 +43,13 @@ _OTHER_UNITS = {
     **dict.fromkeys(("FairTen", "AnchTen"), (1.0, "N")),
 }  # fmt: skip
 """Factor and unit of outputs in other units, without their number: rates of angles, those of AeroDyn and MoorDyn."""
+
+
+def openfast_unit(name: str, unit: str) -> tuple[float, str]:
+    """Factor from an SI unit to that of an output of OpenFAST, and that unit."""
+    return _OTHER_UNITS.get(name.rstrip("0123456789")) or _OPENFAST_UNITS[unit]
+
+
 _FORMAT, _NAME_LENGTH = 4, 20
 """OpenFAST's ``FileFmtID_ChanLen_In``: 16-bit numbers at even times, with the length of names before all else."""
 _COUNTS, _DIGITS = 65_000.0, 2.0**23
@@ -107,7 +114,7 @@ def _outb(data: xr.Dataset) -> bytes:
     names, units, table = ["Time"], ["(s)"], []
     for variable in data.data_vars.values():
         if name := variable.attrs.get("openfast_name"):
-            factor, unit = _OTHER_UNITS.get(name.rstrip("0123456789")) or _OPENFAST_UNITS[variable.attrs["units"]]
+            factor, unit = openfast_unit(name, variable.attrs["units"])
             names.append(name)
             units.append(f"({unit})")
             table.append(factor * variable.values)

@@ -108,18 +108,19 @@ class Simulator(DrivenSimulator):
         self._n_steps, self._started, self._reset_here = 0, False, False
         self._compiled, self._met = False, cast("WaveComponents | None", None)
 
-    def __getstate__(self) -> tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None]:
+    def __getstate__(self) -> tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None, WaveComponents | None]:
         """What a copy or a pickle takes along: the arguments and the state; the rest is rebuilt from them."""
-        arguments = self.turbine, self.inflow, self.fidelity, self._threads, self.drives.sound_generator, self.sea
-        return arguments, self._faults, self.state() if self._started else None
+        arguments = self.turbine, self.inflow, self.fidelity, self._threads, self.drives.sound_generator, self._met
+        return arguments, self._faults, self.state() if self._started else None, self._sea
 
-    def __setstate__(self, kept: tuple[_Arguments, tuple[DriveFault, ...], SimulatorState | None]) -> None:
+    def __setstate__(self, kept: tuple[Any, ...]) -> None:
         """Build the models and continue from the state."""
-        arguments, faults, state = kept
+        arguments, faults, state, sea = kept
         self.__init__(*arguments)  # type: ignore[misc]  # no subclass takes other arguments
         self.faults = faults
         if state is not None:
             self.restore(state)
+        self.sea = sea  # one that was exchanged since the start is met from the next one on
 
     @property
     def signals(self) -> Signals:
@@ -274,10 +275,10 @@ class Simulator(DrivenSimulator):
     def state(self) -> SimulatorState:
         """Snapshot from which the simulation continues bit for bit."""
         self._require_start()
-        return SimulatorState.take(self._state_arrays(), self._n_steps, self._model)
+        return SimulatorState.take(self._state_arrays(), self._n_steps, self._fingerprint())
 
     def restore(self, state: SimulatorState) -> None:
-        """Continue from a snapshot of a simulator with the same turbine and fidelity.
+        """Continue from a snapshot of a simulator with the same turbine and fidelity, in the same sea.
 
         Raises
         ------
@@ -285,14 +286,14 @@ class Simulator(DrivenSimulator):
             When the snapshot does not fit, or its motion has no meaning.
         """
         self._started = self._reset_here = False
-        state.put(self._state_arrays(), self._model)
+        self._meet_sea()
+        state.put(self._state_arrays(), self._fingerprint())
         try:
             check_state(self.structure.system, self.coupling.integrator.state)
         except MultibodyError as error:
             raise SimulationError(f"the snapshot holds no state: {error}") from error
         self._n_steps = state.n_steps
         self._started = True
-        self._meet_sea()
         self.coupling.resume()
 
     def root_multipliers(self) -> Array:
@@ -452,6 +453,10 @@ class Simulator(DrivenSimulator):
             sea = self._sea.mirrored() if self.mirrored and self._sea is not None else self._sea
             self.coupling.set_sea(sea)
             self._met = self._sea
+
+    def _fingerprint(self) -> str:
+        """Of turbine, fidelity and sea: in another sea a floater would not continue bit for bit."""
+        return self._model if self._met is None else fingerprint(self._model, self._met)
 
     def _require_start(self) -> None:
         if not self._started:

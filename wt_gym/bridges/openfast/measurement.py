@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from wt_gym.base.errors import SimulationError
 from wt_gym.base.quantities import Array
 from wt_gym.bridges.openfast.water import TENSION_OUTPUTS, WAVE_OUTPUT
-from wt_gym.simulation.channels import Signals, channel_table, new_values
+from wt_gym.simulation.channels import Channel, Signals, channel_table, new_values
+from wt_gym.simulation.recorder import openfast_unit
 from wt_gym.simulation.step.coupling_kernels import passing_clearance, view_from_tower
 from wt_gym.simulation.turbine_structure import rotation_x, rotation_y
 from wt_gym.turbines import Turbine
@@ -19,57 +20,27 @@ from wt_gym.turbines.variants import electrical_power
 
 _RPM, _DEGREE, _KILO = math.pi / 30.0, math.pi / 180.0, 1e3
 
-_SCALED = {
-    "wind_x": ("Wind1VelX", 1.0),
-    "wind_y": ("Wind1VelY", 1.0),
-    "wind_z": ("Wind1VelZ", 1.0),
-    "rotor_speed": ("RotSpeed", _RPM),
-    "generator_speed": ("GenSpeed", _RPM),
-    "aero_power": ("RtAeroPwr", 1.0),
-    "aero_torque": ("RtAeroMxh", 1.0),
-    "aero_thrust": ("RtAeroFxh", 1.0),
-    "yaw": ("YawPzn", _DEGREE),
-    "yaw_rate": ("YawVzn", _DEGREE),
-    "tower_base_torsion": ("TwrBsMzt", _KILO),
-    "shaft_torque": ("RotTorq", _KILO),
-    "rotor_thrust": ("RotThrust", _KILO),
-    "tower_top_x": ("TTDspFA", 1.0),
-    "tower_top_y": ("TTDspSS", 1.0),
-    "tower_base_moment_x": ("TwrBsMxt", _KILO),
-    "tower_base_moment_y": ("TwrBsMyt", _KILO),
-}
-"""Signals that are an output of OpenFAST in another unit."""
-_SCALED_BLADE = {
-    "pitch": ("BldPitch", _DEGREE),
-    "tip_out_of_plane": ("OoPDefl", 1.0),
-    "tip_in_plane": ("IPDefl", 1.0),
-    "root_flap_moment": ("RootMyb", _KILO),
-    "root_edge_moment": ("RootMxb", _KILO),
-    "root_torsion": ("RootMzb", _KILO),
-}
-_MOTIONS = {
-    channel.name: (channel.openfast, _DEGREE if channel.unit.startswith("rad") else 1.0)
-    for channel in channel_table(3, 0)
-    if channel.name.startswith("platform_")
-}
+_DERIVED = ("time", "azimuth", "generator_torque", "generator_power", "yaw_error", "tip_clearance")
+"""Signals with a name in OpenFAST that are no output in another unit here."""
 _TOWER_TOP = ("TTDspFA", "TTDspSS", "TTDspAx", "TTDspRoll", "TTDspPtch")
 _ACCELERATION = ("YawBrTAxp", "YawBrTAyp")
 _TIP_AXIAL = "TipDzc"
 TORQUE_OUTPUT, PITCH_COMMAND_OUTPUT = "GenTq", "BlPitchC"
-INFLOW_OUTPUTS = ("Wind1VelX", "Wind1VelY", "Wind1VelZ")
+INFLOW_OUTPUTS = ("WindHubVelX", "WindHubVelY", "WindHubVelZ")
+"""At the hub where it is, as the signals here; Wind1VelX … would be at a point that does not move."""
 AERODYN_OUTPUTS = ("RtAeroFxh", "RtAeroMxh", "RtAeroPwr")
-ELASTODYN_OUTPUTS = (
-    *dict.fromkeys(name for name, _ in _SCALED.values() if name not in INFLOW_OUTPUTS + AERODYN_OUTPUTS),
-    "Azimuth", *_TOWER_TOP[2:], *_ACCELERATION,
-)  # fmt: skip
-"""Outputs that are asked for, those of a blade without its number aside."""
+
+
+def _scaled(n_blades: int, n_lines: int | None) -> list[Channel]:
+    """Signals that are an output of OpenFAST in another unit."""
+    return [one for one in channel_table(n_blades, n_lines) if one.openfast and one.group not in _DERIVED]
 
 
 def elastodyn_outputs(n_blades: int, floats: bool = False) -> tuple[str, ...]:
     """All outputs of ElastoDyn that are asked for."""
-    motions = [name for name, _ in _MOTIONS.values()] if floats else []
-    names = [name for name, _ in _SCALED_BLADE.values()] + [_TIP_AXIAL]
-    return (*ELASTODYN_OUTPUTS, *motions, *(f"{name}{blade}" for name in names for blade in range(1, n_blades + 1)))
+    others, blades = (*INFLOW_OUTPUTS, *AERODYN_OUTPUTS, WAVE_OUTPUT), range(1, n_blades + 1)
+    names = [one.openfast for one in _scaled(n_blades, 0 if floats else None) if one.openfast not in others]
+    return (*names, "Azimuth", *_TOWER_TOP[2:], *_ACCELERATION, *(f"{_TIP_AXIAL}{blade}" for blade in blades))
 
 
 def water_outputs(n_lines: int | None) -> tuple[str, ...]:
@@ -109,21 +80,14 @@ class Measurement:
         self.turbine, n = turbine, turbine.n_blades
         self.values, self._place = new_values(n, turbine.n_lines)
         self._column = {name.lower(): k for k, name in enumerate(names)}
-        scaled = [(channel, *row) for channel, row in _SCALED.items()]
-        for channel, (name, factor) in _SCALED_BLADE.items():
-            scaled += [(f"{channel}_{b}", f"{name}{b}", factor) for b in range(1, n + 1)]
-        if turbine.n_lines is not None:
-            water = water_outputs(turbine.n_lines)
-            if missing := [name for name in water if name.lower() not in self._column]:
-                raise SimulationError(
-                    f"the model must have the outputs {', '.join(water)}; {', '.join(missing)} are missing"
-                )
-            channels = [channel.name for channel in channel_table(n, turbine.n_lines)[-len(water) :]]
-            scaled += [(channel, *row) for channel, row in _MOTIONS.items()]
-            scaled += [(channel, name, 1.0) for channel, name in zip(channels, water, strict=True)]
-        self._targets = np.array([self._place[channel] for channel, _, _ in scaled])
-        self._sources = np.array([self._column[name.lower()] for _, name, _ in scaled])
-        self._factors = np.array([factor for *_, factor in scaled])
+        scaled, water = _scaled(n, turbine.n_lines), water_outputs(turbine.n_lines)
+        if missing := [name for name in water if name.lower() not in self._column]:
+            raise SimulationError(
+                f"the model must have the outputs {', '.join(water)}; {', '.join(missing)} are missing"
+            )
+        self._targets = np.array([self._place[one.name] for one in scaled])
+        self._sources = np.array([self._column[one.openfast.lower()] for one in scaled])
+        self._factors = np.array([1.0 / openfast_unit(one.openfast, one.unit)[0] for one in scaled])
         self._tower_top, self._bends, self._axials, self._flaps, self._accelerations = (
             np.array([self._column[name.lower()] for name in group])
             for group in (

@@ -107,8 +107,7 @@ def write_model(turbine: Turbine, folder: str | Path) -> Path:
     _write_servodyn(image, folder)
     if image.floater is not None:
         write_water(image.floater, folder)
-    height = image.hub_height
-    write_inflow(folder / "inflowwind.dat", {"HWindSpeed": 10.0, "RefHt": height, "WindVziList": height})
+    write_inflow(folder / "inflowwind.dat", {"HWindSpeed": 10.0, "RefHt": image.hub_height})
     return folder / PRIMARY
 
 

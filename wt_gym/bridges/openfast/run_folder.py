@@ -148,7 +148,7 @@ def prepare_run(  # noqa: PLR0913
         if not file.is_default(key) and not _divides(file.number(key), times.step):
             file.set(key, None)
     files["AeroDyn"].set_outputs(AERODYN_OUTPUTS)
-    inflow_file = InputFile(write_wind(inflow, turbine, folder, times.duration, start.yaw))
+    inflow_file = InputFile(write_wind(inflow, turbine, folder, times.duration))
     inflow_file.set_outputs(INFLOW_OUTPUTS)
     if controller is not None and controller.lidar is not None:
         hub = _hub(files["ElastoDyn"])

@@ -33,7 +33,7 @@ _ALIGNED, _FINER = 1e-6, 8
 _LEAST_HEIGHT = 0.5  # Of the lowest points, down the tower [m]
 
 
-def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float, yaw: float = 0.0) -> Path:
+def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float) -> Path:
     """Write the input file of InflowWind for an inflow, with a TurbSim file (``.bts``) where OpenFAST has no formula.
 
     A power-law profile along x is OpenFAST's own steady wind. All else is sampled on a grid at x = 0: turbulence at the
@@ -51,8 +51,6 @@ def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float, 
         Receives ``inflowwind.dat`` and ``wind.bts``.
     duration : float
         Of the simulation [s].
-    yaw : float
-        Of the nacelle at the start [rad]: the wind is read where the apex of the rotor is then.
 
     Returns
     -------
@@ -64,20 +62,13 @@ def write_wind(inflow: Inflow, turbine: Turbine, folder: Path, duration: float, 
     InflowError
         If there is no wind along x to carry the samples.
     """
-    path, nacelle = folder / "inflowwind.dat", turbine.nacelle
-    ahead = nacelle.overhang * math.cos(nacelle.tilt)
-    read_at = {
-        "WindVxiList": -ahead * math.cos(yaw),
-        "WindVyiList": -ahead * math.sin(yaw),
-        "WindVziList": turbine.hub_height,
-    }
-    steady = _power_law(inflow)
+    path, steady = folder / "inflowwind.dat", _power_law(inflow)
     if steady is not None:
         profile = {"HWindSpeed": steady.speed, "RefHt": steady.hub_height, "PLExp": steady.shear_exponent}
-        write_inflow(path, {"WindType": 1, **profile, **read_at})
+        write_inflow(path, {"WindType": 1, **profile})
         return path
     sampled(inflow, turbine, duration).write(folder / "wind.bts")
-    write_inflow(path, {"WindType": 3, "FileName_BTS": "wind.bts", **read_at})
+    write_inflow(path, {"WindType": 3, "FileName_BTS": "wind.bts"})
     return path
 
 

@@ -129,6 +129,7 @@ def write_platform(swap: np.ndarray, signals: Readings) -> None:
     first, yaw = 1001 - 1, signals["yaw"]
     motion = [signals[name] for name in PLATFORM_CHANNELS]
     swap[first : first + len(motion)] = motion
+    swap[37 - 1] = yaw + signals["platform_yaw"]
     roll, pitch, turn = motion[-3:]
     c, s = math.cos(yaw), math.sin(yaw)
     swap[82 - 1 : 84] = c * roll + s * pitch, c * pitch - s * roll, turn

@@ -88,7 +88,7 @@ def readings(parts: Parts) -> list[tuple[str, int, str, float, float, set[str]]]
         ("fore_aft", 53, "fore-aft acceleration", 50.0),
         ("side_side", 54, "side-side acceleration", 50.0),
         ("azimuth", 60, "azimuth", 1e4),
-        ("nacelle_yaw", 37, "nacelle yaw", 1e4),
+        ("nacelle_yaw", 37, "nacelle yaw" + (", less record 1006" if turbine.floater is not None else ""), 1e4),
         ("demanded_power", 13, "demanded power", 5.0 * drive.rated_power),
     ]
     if turbine.floater is not None:

@@ -292,9 +292,7 @@ def fly(
     exported = export_discon(choice, folder / "wt_gym", hold_missing=hold_missing, **where)
     in_openfast = export_openfast(choice, folder / "openfast", scene, duration=duration, hold_missing=hold_missing)
     primary, held = Path(in_openfast["files"][0]), exported["held"]
-    arguments = flat_arguments(scene.arguments) | {
-        "sensor_noise": 0.0
-    }  # the library has none, nor would two runs have the same
+    arguments = flat_arguments(scene.arguments)
     python = arguments if own else arguments | {"controller": choice}
     agent = load_model(name) if own else None
     lidar = None if exported["lidar"] is None else Lidar(**exported["lidar"])

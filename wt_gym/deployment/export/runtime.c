@@ -1867,6 +1867,7 @@ static void read_swap(const struct parameters *p, struct state *s, const float *
         const struct reading *from = &READINGS[k];
         double value = from->record > 129 && !(swap[128] >= from->record) ? NAN : swap[from->record - 1];
         if (k == READ_NACELLE_YAW && p->acceleration_axes != 0.0 && !WITH_LIDAR && !WITH_PLATFORM) continue; /* not needed */
+        if (k == READ_NACELLE_YAW && WITH_PLATFORM) value -= swap[128] >= 1006.0f ? swap[1005] : NAN; /* turns it, too */
         if (value >= from->low && value <= from->high) { /* false for what is no number */
             s->raw[k] = value;
         } else {
