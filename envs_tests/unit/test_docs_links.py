@@ -6,18 +6,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = sorted(DOCS.rglob("*.md")) + [
-    ROOT / name
-    for name in (
-        "README.md",
-        "CHANGELOG.md",
-        "CONTRIBUTING.md",
-        "AGENTS.md",
-        "llms.txt",
-        "agents/README.md",
-        "agents/trained/README.md",
-    )
-]
+OTHERS = "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "AGENTS.md", "llms.txt", "agents/README.md"
+PAGES = sorted(DOCS.rglob("*.md")) + [ROOT / name for name in (*OTHERS, "agents/trained/README.md")]
 
 
 def bare(text):
