@@ -295,7 +295,7 @@ def _packed(rows: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.f
 
 
 _SEED = 7_777_000  # First seed of the recorded turbulence, none of an evaluation or training; a thousand for each m/s
-_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8, "oc4_nrel_5mw": 12, "volturnus_iea_15mw": 8}
+_RUNS = {"nrel_5mw": 12, "iea_15mw": 8, "iea_22mw": 8, "oc4_nrel_5mw": 12, "volturnus_iea_15mw": 16}
 """Winds at a wind speed: most for turbines of tasks."""
 _ATTEMPTS = 3  # Winds of a run: a gust may stop a turbine at cut-out by its overspeed
 
@@ -365,7 +365,7 @@ class RecordedTurbine:
 CATALOG = (
     *(RecordedTurbine(name, runs=_RUNS.get(name, 4)) for name in RECORDS),
     RecordedTurbine("nrel_5mw", "discon+derate_kinetic", 0.85, runs=8),
-    RecordedTurbine("volturnus_iea_15mw", "floating", runs=8),
+    RecordedTurbine("volturnus_iea_15mw", "floating", runs=16),
 )
 """Records of the package: they serve every id of an environment with its default options."""
 

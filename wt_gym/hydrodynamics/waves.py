@@ -135,7 +135,7 @@ class SeaState(WaveRecord):
         "peak factor of JONSWAP", default=None, unit="-", low=1, high=10, otherwise="from height and period"
     )
     direction: float = option(
-        "towards which waves travel, from x to y", default=0.0, unit="rad", low=-2 * math.pi, high=2 * math.pi
+        "towards which waves go, counter-clockwise from x", default=0.0, unit="rad", low=-2 * math.pi, high=2 * math.pi
     )
     spreading: float | None = option(
         "exponent s of cos^2s; 0: none", default=None, unit="-", low=0, high=200, otherwise="long crests"
