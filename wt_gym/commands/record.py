@@ -45,6 +45,8 @@ def check(arguments: argparse.Namespace) -> None:
     """Refuse a call without records to make."""
     if arguments.package and not IN_CLONE:
         raise ValueError("--package needs a clone of the project")
+    if arguments.package and arguments.floating:
+        raise ValueError("--floating must be left out with --package, whose records have names of their own")
     if not (arguments.package or arguments.turbines):
         raise ValueError("TURBINE must name a file, or --package be there")
 

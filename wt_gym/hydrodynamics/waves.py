@@ -85,12 +85,14 @@ class WaveComponents(WaveRecord):
 
     @property
     def description(self) -> str:
-        """Height, peak period and direction of the waves, and the current, as text."""
+        """Height, peak period and mean direction of the waves, and the current, as text."""
         height, flow, waves = self.height, math.hypot(*self.current), "no waves"
         if height > 0.0:
-            main, (h, t) = np.argmax(self.amplitude), ("H", "T") if len(self.amplitude) == 1 else ("Hs", "Tp")
-            period, to = 2.0 * math.pi / float(self.frequency[main]), math.degrees(self.direction[main])
-            waves = f"{h} {height:.3g} m, {t} {period:.3g} s, towards {to:.0f} deg"
+            h, t = ("H", "T") if len(self.amplitude) == 1 else ("Hs", "Tp")
+            peak = f"{t} {2.0 * math.pi / float(self.frequency[np.argmax(self.amplitude)]):.3g} s, "
+            has_peak = t == "T" or np.ptp(self.amplitude) > 1e-6 * self.amplitude.max()
+            to = np.angle(np.sum(self.amplitude**2 * np.exp(1j * self.direction)), deg=True)
+            waves = f"{h} {height:.3g} m, {peak if has_peak else ''}towards {to:.0f} deg"
         towards = math.degrees(math.atan2(self.current[1], self.current[0]))
         return waves if flow == 0.0 else f"{waves}, current of {flow:.3g} m/s towards {towards:.0f} deg"
 

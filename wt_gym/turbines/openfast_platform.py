@@ -7,6 +7,7 @@ for rotations (WAMIT User Manual, chapter 3).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,7 +26,7 @@ MOTIONS = ("PtfmSgDOF", "PtfmSwDOF", "PtfmHvDOF", "PtfmRDOF", "PtfmPDOF", "PtfmY
 _PIECE = 3.0  # Longest piece of a member whose section changes along it [m]
 _SAME = 1e-6
 _ROTATES = np.array([0, 0, 0, 1, 1, 1])
-_LEAST_ADDED = 0.01  # Added mass in surge over displaced mass, at most its inverse; published models have 0.12 to 0.94
+_ADDED = 0.05, 3.0  # Least and largest added mass in surge over displaced mass; published models have 0.12 to 0.94
 
 # keyword of HydroDyn, values that are modeled, their description
 _REQUIRED: tuple[tuple[str, tuple[int, ...], str], ...] = (
@@ -333,7 +334,7 @@ def _tables(file: TextFile, density: float, gravity: float) -> tuple[RadiationTa
     if abs(hydrostatic[2:5, 2:5] - hydrostatic[2:5, 2:5].T).max() <= _SAME * abs(hydrostatic).max():
         hydrostatic[2:5, 2:5] = 0.5 * (hydrostatic[2:5, 2:5] + hydrostatic[2:5, 2:5].T)
     radiation, displaced = _radiation(paths[0], density * matrix), density * file.number("PtfmVol0")
-    if not _LEAST_ADDED * displaced < (added := radiation.added_mass_infinite[0, 0]) < displaced / _LEAST_ADDED:
+    if not _ADDED[0] * displaced < (added := radiation.added_mass_infinite[0, 0]) < _ADDED[1] * displaced:
         allowed = (
             f"the length of the tables: the added mass in surge is {added:g} kg, the displaced one {displaced:g} kg"
         )
@@ -520,7 +521,7 @@ def _sections(file: TextFile) -> dict[str, list[dict[str, str]]]:
     name, header = "", list[str]()
     for line in file.lines:
         if line.lstrip().startswith("--"):
-            name = next((kind for word, kind in _SECTIONS if word in line.upper()), "")
+            name = next((kind for word, kind in _SECTIONS if re.search(rf"\b{word}", line.upper())), "")
             header = []
             continue
         words = line.partition("#")[0].partition("!")[0].split()

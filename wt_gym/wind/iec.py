@@ -231,14 +231,9 @@ class TransientInflow(OnSteadyWind):
 
     @classmethod
     def edc(
-        cls,
-        speed: float,
-        hub_height: float,
-        rotor_diameter: float,
-        turbulence_class: str = "B",
-        sign: int = 1,
+        cls, speed: float, hub_height: float, rotor_diameter: float, turbulence_class: str = "B", sign: int = 1,
         start_time: float = 0.0,
-    ) -> "TransientInflow":
+    ) -> "TransientInflow":  # fmt: skip
         """Extreme direction change on the normal wind profile; ``sign`` +1 turns counter-clockwise from above."""
         steady = _normal_profile(speed, hub_height)
         angle = direction_change_amplitude(speed, hub_height, rotor_diameter, turbulence_class)
@@ -255,15 +250,9 @@ class TransientInflow(OnSteadyWind):
 
     @classmethod
     def ews(
-        cls,
-        speed: float,
-        hub_height: float,
-        rotor_diameter: float,
-        turbulence_class: str = "B",
-        axis: str = "vertical",
-        sign: int = 1,
-        start_time: float = 0.0,
-    ) -> "TransientInflow":
+        cls, speed: float, hub_height: float, rotor_diameter: float, turbulence_class: str = "B",
+        axis: str = "vertical", sign: int = 1, start_time: float = 0.0,
+    ) -> "TransientInflow":  # fmt: skip
         """Extreme wind shear; ``sign`` +1 speeds up the top (``"vertical"``) or the left (``"horizontal"``, +y)."""
         steady = _normal_profile(speed, hub_height)
         amplitude = _sign(sign) * wind_shear_amplitude(speed, hub_height, rotor_diameter, turbulence_class)

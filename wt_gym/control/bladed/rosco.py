@@ -374,7 +374,7 @@ class RoscoController(BladedController):
     @property
     def damps_platform(self) -> bool:
         """Its floating feedback is on."""
-        return re.search(r"^\s*[12]\s+!\s*Fl_Mode\b", self._plain_input, re.MULTILINE) is not None
+        return re.search(r"(?im)^\s*\+?[12]\s+!\s*Fl_Mode\b", self._plain_input) is not None
 
     @property
     def in_production(self) -> bool:

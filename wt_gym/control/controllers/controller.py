@@ -209,17 +209,18 @@ def parts_of(controller: Controller | Addition) -> tuple[Controller | Addition, 
     return (controller.base, *controller.additions) if isinstance(controller, Combined) else (controller,)
 
 
-def standing(controller: Any) -> Iterator[Any]:
-    """A controller or an addition, its base, the base of that, and so on."""
-    while controller is not None:
-        yield controller
-        controller = getattr(controller, "base", None)
+def standing(controller: Controller | None) -> Iterator[Any]:
+    """A controller, its base, the base of that, and so on; then the same of the additions that it is combined of."""
+    for part in (controller, *(controller.additions if isinstance(controller, Combined) else ())):
+        inner: Any = part
+        while inner is not None:
+            yield inner
+            inner = getattr(inner, "base", None)
 
 
 def part_of(controller: Controller | None, kind: type[T]) -> T | None:
     """Part of a class among the parts of a controller and what these stand on, the outermost; None without any."""
-    parts = (controller, *(controller.additions if isinstance(controller, Combined) else ()))
-    return next((inner for part in parts for inner in standing(part) if isinstance(inner, kind)), None)
+    return next((inner for inner in standing(controller) if isinstance(inner, kind)), None)
 
 
 def starting_part(controller: Controller | None) -> StartsTurbine | None:

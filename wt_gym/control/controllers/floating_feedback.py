@@ -124,8 +124,6 @@ class FloatingFeedback:
         See `floating_gain`; for a base whose pitch law is not known.
     """
 
-    damps_platform = True
-
     def __init__(self, turbine: Turbine, base: Controller, **parameters: Any):
         o = FloatingOptions(**parameters)
         law = part_of(base, DisconController)
@@ -143,6 +141,11 @@ class FloatingFeedback:
         rates = ("platform_roll_rate", "platform_pitch_rate")
         self.channels = tuple(dict.fromkeys((*base.channels, "rotor_speed", "yaw", *rates)))
         self._filter = SecondOrderLowPass(self.corner_frequency, 1.0)
+
+    @property
+    def damps_platform(self) -> bool:
+        """Its gain is not 0."""
+        return self.gain > 0.0
 
     def start(self, signals: Readings, demand: Demand) -> None:
         """Start the base from the present demand, with nothing added."""

@@ -476,9 +476,9 @@ def _lidar_page(parts: Parts, library: str) -> list[str]:
         "| 2005 to 2004 + n | speeds along the axis [m/s], -60 to 60 |",
         "| 2005 + n to 2004 + 4 n | x of all points, then y, then z [m], from the foot of the tower |",
         "", "A point belongs to the gate whose range is nearest to its distance ahead of the tower axis along the "
-        "heading of the nacelle (record 37); points farther than a fifth of the range from every gate are not read. "
-        "A gate reads the mean over its points, times `lidar_speed_factor`: 1 over the cosine of the half angle where "
-        "the records hold speeds along the beams.",
+        "yaw of the nacelle (record 37, afloat less 1006); points farther than a fifth of the range from every gate "
+        "are not read. A gate reads the mean over its points, times `lidar_speed_factor`: 1 over the cosine of the "
+        "half angle where the records hold speeds along the beams.",
         *beams,
         "", f"While a {what} has no point, or a point no speed, the pitch does not follow the wind ahead{rests}; "
         "the rest of the controller continues.",
