@@ -163,8 +163,8 @@ def test_running_starts_are_those_of_the_nearest_demanded_power(level, nearest, 
     monkeypatch.setattr(WindTurbineEnv, "make_simulator", staticmethod(ScriptedSimulator))
     levels = []
 
-    def find(turbine, level):
-        levels.append(record_store.find_record(turbine, level)[0].level)
+    def find(turbine, level, floating):
+        levels.append(record_store.find_record(turbine, level, floating)[0].level)
 
     monkeypatch.setattr(episode_start, "find_record", find)
     monkeypatch.setattr(episode_start, "_report_missing", lambda _: None)
