@@ -365,7 +365,7 @@ class RecordedTurbine:
 CATALOG = (
     *(RecordedTurbine(name, runs=_RUNS.get(name, 4)) for name in RECORDS),
     RecordedTurbine("nrel_5mw", "discon+derate_kinetic", 0.85, runs=8),
-    RecordedTurbine("volturnus_iea_15mw", "floating", runs=16),
+    RecordedTurbine("volturnus_iea_15mw", "floating", runs=_RUNS["volturnus_iea_15mw"]),
 )
 """Records of the package: they serve every id of an environment with its default options."""
 

@@ -455,7 +455,7 @@ class Simulator(DrivenSimulator):
             self._met = self._sea
 
     def _fingerprint(self) -> str:
-        """Of turbine, fidelity and sea: in another sea a floater would not continue bit for bit."""
+        """Fingerprint of turbine, fidelity and sea: in another sea a floater would not continue bit for bit."""
         return self._model if self._met is None else fingerprint(self._model, self._met)
 
     def _require_start(self) -> None:

@@ -374,7 +374,7 @@ class RoscoController(BladedController):
     @property
     def damps_platform(self) -> bool:
         """Its floating feedback is on."""
-        return re.search(r"(?im)^\s*\+?[12]\s+!\s*Fl_Mode\b", self._plain_input) is not None
+        return TextFile(Path(self.input_file), titles=0).integer("Fl_Mode", 0) > 0
 
     @property
     def in_production(self) -> bool:
